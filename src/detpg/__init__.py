@@ -1,0 +1,36 @@
+"""detpg: deterministic policy gradients, from the theorem to the robot.
+
+The folders are stops on the road of the data, and imports follow it:
+
+    environments   p_1, p and r: what the world does with an action
+    policies       mu_theta, pi_{theta,y}, and the behaviour beta
+    features       phi(s, a): what the critic is linear in
+    critics        estimates of Q and V
+    actors         ascent directions
+    algorithms     the paper's boxes, where the four stops above meet
+    training       the one loop over time
+    evaluation     greedy returns, intervals
+    experiments    studies as data, sweeps, claims
+    figures        tables drawn
+
+`detpg.testing` checks one's own environments and algorithms against the protocols of `detpg.types`.
+"""
+
+from detpg.algorithms import ALGORITHMS
+from detpg.environments import ENVIRONMENTS
+from detpg.evaluation import greedy_return
+from detpg.training import TrainState, begin, train
+from detpg.types import EnvironmentSpec, Transition
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "ALGORITHMS",
+    "ENVIRONMENTS",
+    "EnvironmentSpec",
+    "TrainState",
+    "Transition",
+    "begin",
+    "greedy_return",
+    "train",
+]

@@ -1,0 +1,10 @@
+"""Stop 5: the actor's ascent direction, shaped like theta, without a step size.
+
+In: the policy, its parameters, the critic's weights. Out: a direction.
+Next: an algorithm (`detpg.algorithms`) takes the step.
+"""
+
+from detpg.actors.compatible import compatible_direction
+from detpg.actors.stochastic import likelihood_ratio_direction
+
+__all__ = ["compatible_direction", "likelihood_ratio_direction"]

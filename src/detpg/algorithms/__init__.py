@@ -1,0 +1,16 @@
+"""The boxes of the paper: stops 2 to 5 meet here and only here.
+
+In: a transition. Out: the learner's next state and diagnostics.
+Next: the loop over time (`detpg.training`).
+"""
+
+from detpg.algorithms.bandit_copdac import BanditCOPDAC
+from detpg.algorithms.bandit_stochastic_ac import BanditStochasticAC
+from detpg.types import Algorithm
+
+ALGORITHMS: dict[str, type[Algorithm]] = {
+    "bandit-copdac": BanditCOPDAC,
+    "bandit-stochastic-ac": BanditStochasticAC,
+}
+
+__all__ = ["ALGORITHMS", "BanditCOPDAC", "BanditStochasticAC"]

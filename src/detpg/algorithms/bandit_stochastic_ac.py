@@ -1,0 +1,130 @@
+"""SAC-B: the stochastic actor-critic on a bandit (Section 5.1). Not Soft Actor-Critic."""
+
+from typing import Any, ClassVar, Literal, Self
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import PRNGKeyArray, PyTree
+
+from detpg import trees
+from detpg.actors.stochastic import likelihood_ratio_direction
+from detpg.critics.regression import linear_regression
+from detpg.features.compatible import score
+from detpg.policies.constant import ConstantPolicy
+from detpg.policies.gaussian import GaussianParameters, IsotropicGaussian
+from detpg.types import (
+    Action,
+    EnvironmentSpec,
+    Number,
+    Observation,
+    Transition,
+    check_hyper,
+    hyper,
+)
+
+Actor = Literal["score-times-q", "score-times-advantage"]
+ACTORS: tuple[Actor, ...] = ("score-times-q", "score-times-advantage")
+
+
+class BanditStochasticACState(eqx.Module):
+    """theta and y, the parameters of pi_{theta,y}."""
+
+    parameters: GaussianParameters
+
+
+class BanditStochasticACInfo(eqx.Module):
+    """Diagnostics of one update.
+
+    Attributes:
+        value: Bias of the critic: the reward expected of the policy.
+        sigma: Standard deviation of the policy before the update, action units.
+    """
+
+    value: Number
+    sigma: Number
+
+
+class BanditStochasticAC(eqx.Module):
+    """SAC-B, Section 5.1: N(theta, exp(y)), with mean and variance adapted along eq. 2.
+
+    Attributes:
+        policy: pi_{theta,y} (static).
+        actor: What the score is multiplied by (static). "score-times-q": phi^T w + bias, whose
+            batch mean equals that of the raw reward, so that the learner is REINFORCE; this fits
+            the published curve. "score-times-advantage": phi^T w alone, the bias is a baseline.
+        fixed_variance: Adapt the mean only (static): the control of Section 5.1.
+        alpha_theta: Step size of the mean.
+        alpha_y: Step size of the log-variance; not read when the variance is fixed.
+        sigma: Initial standard deviation, y_0 = 2 log sigma.
+    """
+
+    equations: ClassVar[str] = "Section 5.1; 2, 3"
+
+    policy: IsotropicGaussian = eqx.field(static=True)
+    actor: Actor = eqx.field(static=True, default="score-times-q")
+    fixed_variance: bool = eqx.field(static=True, default=False)
+    alpha_theta: Number = hyper("step size of the mean", 0.01, 0.0, 1e6)
+    alpha_y: Number = hyper("step size of the log-variance", 0.001, 0.0, 1e6)
+    sigma: Number = hyper("initial standard deviation, action units", 1.0, 1e-6, 1e6)
+
+    def __check_init__(self):
+        check_hyper(self)
+        if self.actor not in ACTORS:
+            raise ValueError(f"actor {self.actor!r} is unknown: choose one of {', '.join(ACTORS)}.")
+
+    @classmethod
+    def create(cls, spec: EnvironmentSpec, **options: Any) -> Self:
+        """The learner for an environment, with the mean theta."""
+        return cls(policy=IsotropicGaussian(ConstantPolicy(spec.action_size)), **options)
+
+    @property
+    def batch_size(self) -> int:
+        """2m steps, as for COPDAC-B."""
+        return 2 * trees.num_parameters(self.policy.mean)
+
+    def init(self, key: PRNGKeyArray) -> BanditStochasticACState:
+        theta = self.policy.mean.init(key)
+        return BanditStochasticACState(GaussianParameters(theta, y=2 * jnp.log(self.sigma)))
+
+    def act(
+        self, key: PRNGKeyArray, state: BanditStochasticACState, observation: Observation
+    ) -> Action:
+        # a ~ pi_{theta,y}(.) = N(theta, exp(y))
+        return self.policy.sample(key, state.parameters, observation)
+
+    def update(
+        self, key: PRNGKeyArray, state: BanditStochasticACState, transition: Transition
+    ) -> tuple[BanditStochasticACState, BanditStochasticACInfo]:
+        theta, y = state.parameters.theta, state.parameters.y
+
+        # phi(a) = grad log pi_{theta,y}(a), for each a of the batch and each adapted parameter
+        phi = jax.vmap(self._score, in_axes=(None, 0, 0))(
+            state.parameters, transition.observation, transition.action
+        )
+        # w, bias: least squares of the rewards on phi and a bias feature
+        features = jax.vmap(trees.to_vector)(phi)
+        critic = linear_regression(features, transition.reward)
+
+        # theta, y <- theta, y + alpha grad log pi_{theta,y}(a) Q^w(a), batch mean  (2, 3)
+        value = jax.vmap(critic)(features)
+        if self.actor == "score-times-advantage":
+            value = value - critic.bias
+        direction = trees.mean(jax.vmap(likelihood_ratio_direction)(phi, value))
+        new = GaussianParameters(
+            theta=trees.add_scaled(theta, self.alpha_theta, direction["theta"]),
+            y=y if self.fixed_variance else y + self.alpha_y * direction["y"],
+        )
+        info = BanditStochasticACInfo(value=critic.bias, sigma=jnp.exp(y / 2))
+        return BanditStochasticACState(new), info
+
+    def _score(
+        self, parameters: GaussianParameters, observation: Observation, action: Action
+    ) -> dict[str, PyTree]:
+        gradient = score(self.policy, parameters, observation, action)
+        if self.fixed_variance:
+            return {"theta": gradient.theta}
+        return {"theta": gradient.theta, "y": gradient.y}
+
+    def greedy(self, state: BanditStochasticACState, observation: Observation) -> Action:
+        return self.policy(state.parameters, observation)

@@ -1,0 +1,14 @@
+"""Stop 1: the world, p_1, p and r of Section 2.1.
+
+In: an action. Out: the next state, its observation, a reward, whether the episode terminated.
+Next: the observation goes to a policy (`detpg.policies`).
+"""
+
+from detpg.environments.bandit import QuadraticBandit
+from detpg.types import Environment
+
+ENVIRONMENTS: dict[str, type[Environment]] = {
+    "bandit": QuadraticBandit,
+}
+
+__all__ = ["ENVIRONMENTS", "QuadraticBandit"]

@@ -1,0 +1,37 @@
+"""Bootstrap intervals over independent runs (never over points in time)."""
+
+import numpy as np
+
+NUM_RESAMPLES = 9_999
+LEVEL = 0.95
+
+
+def bootstrap_means(values: np.ndarray, seed: int) -> np.ndarray:
+    """Means of resampled runs.
+
+    Args:
+        values: Shape (..., runs). The same resampled runs serve every leading entry, so that what
+            was measured on the same seeds is compared pair by pair.
+        seed: Of the resampling.
+
+    Returns:
+        Shape (..., resamples). Not finite where a run that was drawn is not.
+    """
+    num_runs = values.shape[-1]
+    generator = np.random.default_rng(seed)
+    counts = generator.multinomial(num_runs, np.full(num_runs, 1 / num_runs), NUM_RESAMPLES)
+    finite = np.isfinite(values)
+    means = np.where(finite, values, 0.0) @ counts.T / num_runs
+    lost = ~finite @ counts.T.astype(bool)
+    return np.where(lost, np.inf, means)
+
+
+def interval(resampled: np.ndarray) -> tuple[float, float]:
+    """The central 95% of a resampled statistic (percentile bootstrap).
+
+    Args:
+        resampled: Shape (resamples,).
+    """
+    tail = 100 * (1 - LEVEL) / 2
+    low, high = np.percentile(resampled, [tail, 100 - tail], method="nearest")
+    return float(low), float(high)

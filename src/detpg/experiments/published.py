@@ -1,0 +1,36 @@
+"""The points of the paper's figures, recovered from its vector graphics."""
+
+import csv
+import importlib.resources
+
+import numpy as np
+
+SOURCE = "Silver et al. (2014)"
+
+
+def published_curve(figure: str, panel: str, series: str) -> tuple[np.ndarray, np.ndarray]:
+    """One plotted curve.
+
+    Args:
+        figure: "figure1".
+        panel: "m=10" and the like.
+        series: Label in the paper's legend.
+
+    Returns:
+        x and y as plotted, shape (points,) each.
+
+    Raises:
+        KeyError: There is no such curve.
+    """
+    data = importlib.resources.files("detpg.experiments") / "data" / f"{figure}.csv"
+    lines = csv.DictReader(data.read_text().splitlines())
+    rows = [r for r in lines if (r["panel"], r["series"]) == (panel, series)]
+    if not rows:
+        raise KeyError(f"no published curve {panel!r}, {series!r} in {figure}")
+    return np.array([float(r["x"]) for r in rows]), np.array([float(r["y"]) for r in rows])
+
+
+def published_value(figure: str, panel: str, series: str, x: float) -> float:
+    """The plotted point nearest to x."""
+    at, values = published_curve(figure, panel, series)
+    return float(values[np.argmin(np.abs(at - x))])

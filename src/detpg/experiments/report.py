@@ -1,0 +1,97 @@
+"""The report of claims, for people."""
+
+import itertools
+import math
+from typing import Any
+
+from detpg.experiments.claims import WITHIN, Claim
+from detpg.experiments.study import Study
+
+
+def claims_page(
+    study: Study, preset: str, seed: int, selected: list[dict[str, Any]], claims: list[Claim]
+) -> str:
+    """Markdown: the claims by reading, the rule that judges them, the chosen points.
+
+    Args:
+        study: What was run.
+        preset: How much of it.
+        seed: The study's seed.
+        selected: One record for each learner on each problem, as in `summary.json`.
+        claims: Judged claims, those of one reading side by side.
+    """
+    counts = {v: sum(c.verdict == v for c in claims) for v in ("reproduced", "not reproduced")}
+    head = [
+        f"# {study.name}: {study.title}",
+        "",
+        f"Section {study.section} of Silver et al. (2014). {study.claim}",
+        "",
+        f"Preset `{preset}`, seed {seed}: {counts['reproduced']} of {len(claims)} claims "
+        f"reproduced, {counts['not reproduced']} not, "
+        f"{len(claims) - sum(counts.values())} inconclusive.",
+        "",
+        "A claim with a published number is *reproduced* if the whole 95% interval of ours lies "
+        f"within a factor {WITHIN:g} of it, and *not reproduced* if the whole interval lies "
+        "outside; a claim about a direction if the interval lies above or below 1; otherwise it "
+        "is *inconclusive*. Intervals are percentile bootstraps over runs.",
+        "",
+    ]
+    body = []
+    for reading, members in itertools.groupby(claims, lambda claim: claim.reading):
+        body += [f"## {reading}", "", *_table(list(members)), ""]
+    return "\n".join([*head, *body, *_selected_table(selected)]) + "\n"
+
+
+def _table(claims: list[Claim]) -> list[str]:
+    rows = [
+        f"| {c.statement} | {'-' if c.published is None else number(c.published)} | "
+        f"{number(c.measured)} | {number(c.interval[0])} to {number(c.interval[1])} | "
+        f"{c.num_runs} | **{c.verdict}** |"
+        for c in claims
+    ]
+    return [
+        "| claim | published | measured | 95% interval | runs | verdict |",
+        "| --- | --- | --- | --- | --- | --- |",
+        *rows,
+    ]
+
+
+def _selected_table(selected: list[dict[str, Any]]) -> list[str]:
+    """The best points with both scores, and what lies on an edge of its grid."""
+    options = list(itertools.takewhile(lambda name: name != "arm", selected[0]))
+    lines = [
+        "## The chosen points",
+        "",
+        "Chosen on the sweep seeds by the final cost (mean of the last ten recordings) or by the "
+        "mean cost (of all recordings); the score on fresh seeds is the honest one. A value in "
+        "bold lies on an edge of its grid.",
+        "",
+        "| "
+        + " | ".join(options)
+        + " | learner | by | point | sweep score | fresh score | diverged: "
+        "sweep | fresh |",
+        "| " + " | ".join("---" for _ in range(len(options) + 7)) + " |",
+    ]
+    for row in selected:
+        point = ", ".join(
+            f"{name} = **{value:g}**" if name in row["on_edge"] else f"{name} = {value:g}"
+            for name, value in row["point"].items()
+        )
+        scores = " | ".join(number(row[key]) for key in ("sweep_score", "fresh_score"))
+        lines.append(
+            "| " + " | ".join(str(row[name]) for name in options) + f" | {row['arm']} | "
+            f"{row['chosen_by']} | {point} | {scores} | "
+            f"{row['sweep_runs_diverged']} of {row['sweep_runs']} | "
+            f"{row['fresh_runs_diverged']} of {row['fresh_runs']} |"
+        )
+    return lines
+
+
+def number(value: float | None) -> str:
+    """Three significant digits, readable from 1e-9 to 1e9; what diverged is called so."""
+    if value is None or not math.isfinite(value):
+        return "diverged"
+    if value == 0 or 0.001 <= abs(value) < 10_000:
+        return f"{value:.3g}"
+    mantissa, exponent = f"{value:.1e}".split("e")
+    return f"{mantissa}e{int(exponent)}"

@@ -1,0 +1,164 @@
+"""A study as data: what is run, over which grids, how the best point is chosen, what is claimed."""
+
+import dataclasses
+import itertools
+import json
+from collections.abc import Callable
+from typing import Any, Literal
+
+import numpy as np
+
+from detpg.experiments.claims import Claim
+from detpg.experiments.selection import Rule, Selection
+
+Options = tuple[tuple[str, Any], ...]
+Phase = Literal["sweep", "fresh", "interval"]
+
+
+@dataclasses.dataclass(frozen=True)
+class Condition:
+    """One problem of a study: a registered environment with its static options."""
+
+    environment: str
+    options: Options
+
+    @property
+    def label(self) -> str:
+        """For file names and progress: m-10-spectrum-mixed."""
+        return "-".join(f"{name}-{value}" for name, value in self.options)
+
+
+@dataclasses.dataclass(frozen=True)
+class Arm:
+    """One learner of a study: a registered algorithm, its static options and its grid.
+
+    Attributes:
+        name: For tables and legends; also part of file names.
+        algorithm: Registry name.
+        options: Static options of the algorithm.
+        grid: Hyper-parameter -> values; a point is one of each.
+        profile: A hyper-parameter at each value of which the best points are also kept.
+    """
+
+    name: str
+    algorithm: str
+    options: Options
+    grid: tuple[tuple[str, tuple[float, ...]], ...]
+    profile: str | None = None
+
+    def points(self, thin: Options = ()) -> dict[str, np.ndarray]:
+        """All points of the grid, one array per hyper-parameter, the last one fastest.
+
+        Args:
+            thin: (hyper-parameter, k): keep every k-th value of that axis.
+        """
+        strides = dict(thin)
+        axes = [values[:: strides.get(name, 1)] for name, values in self.grid]
+        points = np.array(list(itertools.product(*axes)), dtype=np.float64)
+        return {name: points[:, i] for i, (name, _) in enumerate(self.grid)}
+
+
+@dataclasses.dataclass(frozen=True)
+class Preset:
+    """How much of a study is run.
+
+    Attributes:
+        thin: (hyper-parameter, k): keep every k-th value of that grid axis.
+        sweep_seeds: Seeds on which the best point is chosen.
+        fresh_seeds: Runs of the figure, on seeds that selection never saw.
+        interval_seeds: Further fresh runs, for intervals (0: the figure's runs serve).
+        shard: Points and seeds side by side in one shard.
+        without: Names of learners that are left out.
+    """
+
+    thin: Options
+    sweep_seeds: int
+    fresh_seeds: int
+    interval_seeds: int
+    shard: tuple[int, int]
+    without: tuple[str, ...] = ()
+
+    def num_seeds(self, phase: Phase) -> int:
+        return {
+            "sweep": self.sweep_seeds,
+            "fresh": self.fresh_seeds,
+            "interval": self.interval_seeds,
+        }[phase]
+
+
+@dataclasses.dataclass(frozen=True)
+class Results:
+    """What a finished study measured.
+
+    Attributes:
+        study: The study.
+        selections: (condition, arm name) -> the chosen points and their sweep scores.
+        costs: (condition, arm name, phase) -> metric of shape (selected, seeds, time).
+        points: Arm name -> its grid points.
+        seed: The study's seed.
+    """
+
+    study: "Study"
+    selections: dict[tuple[Condition, str], Selection]
+    costs: dict[tuple[Condition, str, Phase], np.ndarray]
+    points: dict[str, dict[str, np.ndarray]]
+    seed: int
+
+    def runs(self, condition: Condition, arm: str, role: str) -> np.ndarray:
+        """Metric of shape (runs, time) of a chosen point: the interval runs where there are any."""
+        row = self.selections[condition, arm].row(role)
+        many = self.costs.get((condition, arm, "interval"))
+        return (self.costs[condition, arm, "fresh"] if many is None else many)[row]
+
+
+@dataclasses.dataclass(frozen=True)
+class Study:
+    """A figure of the paper as data.
+
+    Attributes:
+        name: What `detpg reproduce` calls it.
+        title: One line for people.
+        section: Where the paper describes it.
+        claim: What the paper claims, in our words.
+        conditions: The problems.
+        arms: The learners.
+        steps: Environment steps of a run.
+        record_every: Steps between recordings of the metric.
+        metric: What is recorded, in words, with its unit.
+        rules: What "best performing" may mean: each picks its own points.
+        presets: Name -> how much is run.
+        judge: From results to claims.
+    """
+
+    name: str
+    title: str
+    section: str
+    claim: str
+    conditions: tuple[Condition, ...]
+    arms: tuple[Arm, ...]
+    steps: int
+    record_every: int
+    metric: str
+    rules: tuple[Rule, ...]
+    presets: dict[str, Preset]
+    judge: Callable[[Results], list[Claim]]
+
+    def arms_of(self, preset: str) -> tuple[Arm, ...]:
+        """The learners that a preset runs."""
+        return tuple(arm for arm in self.arms if arm.name not in self.presets[preset].without)
+
+    @property
+    def times(self) -> np.ndarray:
+        """Steps at which the metric is recorded."""
+        return np.arange(self.record_every, self.steps + 1, self.record_every)
+
+    def config(self, preset: str, seed: int) -> dict[str, Any]:
+        """Everything that decides the study's numbers, as JSON types."""
+        parts = dataclasses.asdict(dataclasses.replace(self, judge=_no_claims))
+        del parts["judge"], parts["presets"]
+        resolved = {**parts, "preset": preset, "scale": self.presets[preset], "seed": seed}
+        return json.loads(json.dumps(resolved, default=dataclasses.asdict))
+
+
+def _no_claims(results: Results) -> list[Claim]:
+    return []

@@ -1,0 +1,9 @@
+"""Stop 3: what the critic is linear in, phi(s, a) or phi(s).
+
+In: an observation, and for compatible features an action and the policy. Out: features.
+Next: a critic weighs them (`detpg.critics`).
+"""
+
+from detpg.features.compatible import compatible_features, score
+
+__all__ = ["compatible_features", "score"]

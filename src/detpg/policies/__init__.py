@@ -1,0 +1,11 @@
+"""Stop 2: the actor's function, mu_theta or pi_{theta,y}, and the behaviour beta.
+
+In: an observation and parameters. Out: an action.
+Next: the action goes to the world; its parameter gradient to the features (`detpg.features`).
+"""
+
+from detpg.policies.behaviour import GaussianBehaviour
+from detpg.policies.constant import ConstantPolicy
+from detpg.policies.gaussian import GaussianParameters, IsotropicGaussian
+
+__all__ = ["ConstantPolicy", "GaussianBehaviour", "GaussianParameters", "IsotropicGaussian"]

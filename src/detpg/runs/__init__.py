@@ -1,0 +1,17 @@
+"""Run directories: configuration, shards, tables, provenance; atomic writes and resume.
+
+In: arrays and records. Out: files that are whole or absent, in formats that cannot carry code.
+Next: `detpg.figures` and people read them.
+"""
+
+from detpg.runs.directory import RunDirectory, RunDirectoryError, write_atomically
+from detpg.runs.provenance import provenance
+from detpg.runs.tables import TableWriter
+
+__all__ = [
+    "RunDirectory",
+    "RunDirectoryError",
+    "TableWriter",
+    "provenance",
+    "write_atomically",
+]

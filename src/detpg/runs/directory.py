@@ -1,0 +1,144 @@
+"""A directory that holds one run: refused when it holds another, resumed when it holds this one."""
+
+import contextlib
+import fcntl
+import io
+import json
+import os
+import shutil
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+
+CONFIG, SUMMARY, SHARDS = "config.json", "summary.json", "shards"
+
+
+class RunDirectoryError(Exception):
+    """A directory that cannot be used; the message is one sentence for the user."""
+
+
+def write_atomically(path: Path, write: Callable[[IO[bytes]], Any]) -> None:
+    """Writes a file that is either whole or absent, also after a crash.
+
+    Args:
+        path: Where it is to stand.
+        write: Called with an open binary file in the same directory.
+    """
+    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        with partial.open("wb") as file:
+            write(file)
+            file.flush()
+            os.fsync(file.fileno())
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def write_json(path: Path, content: Any) -> None:
+    """A JSON file for people and programs: indented, no NaN."""
+    text = json.dumps(content, indent=2, allow_nan=False) + "\n"
+    write_atomically(path, lambda file: file.write(text.encode()))
+
+
+class RunDirectory:
+    """One run's directory: `config.json`, `shards/`, and at the end `summary.json`."""
+
+    def __init__(self, path: Path, config: dict[str, Any]):
+        """Names a directory and the configuration it must hold; touches nothing."""
+        self.path = path
+        self.config = config
+
+    @property
+    def finished(self) -> bool:
+        """Whether the run was completed: its summary is written last."""
+        return (self.path / SUMMARY).exists()
+
+    def open(self, fresh: bool = False) -> None:
+        """Creates the directory, or checks that it holds this very run.
+
+        Args:
+            fresh: Start over: what an earlier run of any configuration left here is removed.
+
+        Raises:
+            RunDirectoryError: It holds another configuration or something else, or it cannot be
+                written to.
+        """
+        found = self._found_config()
+        try:
+            if found is not None and fresh:
+                shutil.rmtree(self.path)
+            elif found is not None and found != self.config:
+                different = sorted(
+                    k for k in {*found, *self.config} if _differ(found, self.config, k)
+                )
+                raise RunDirectoryError(
+                    f"{self.path} holds a run with another configuration (different: "
+                    f"{', '.join(different)}): choose another --output, or start over with --fresh."
+                )
+            self.path.mkdir(parents=True, exist_ok=True)
+            (self.path / SHARDS).mkdir(exist_ok=True)
+            if found is None or fresh:
+                write_json(self.path / CONFIG, self.config)
+        except OSError as error:
+            raise RunDirectoryError(
+                f"{self.path} cannot be written to ({error.strerror}): choose another --output."
+            ) from error
+
+    @contextlib.contextmanager
+    def locked(self) -> Iterator[None]:
+        """Keeps a second process out for as long as the block runs."""
+        with (self.path / SHARDS / "lock").open("w") as file:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError as error:
+                raise RunDirectoryError(
+                    f"{self.path} is in use by another process: wait for it, or choose another "
+                    "--output."
+                ) from error
+            yield
+
+    def _found_config(self) -> dict[str, Any] | None:
+        """The configuration that stands here; None where there is nothing of ours or anyone's."""
+        try:
+            return json.loads((self.path / CONFIG).read_text())
+        except FileNotFoundError:
+            if self.path.is_dir() and any(self.path.iterdir()):
+                raise RunDirectoryError(
+                    f"{self.path} holds files but no {CONFIG}: it is not a run of detpg; choose "
+                    "another --output."
+                ) from None
+            return None
+        except NotADirectoryError:
+            raise RunDirectoryError(
+                f"{self.path} is not a directory: choose another --output."
+            ) from None
+        except (OSError, ValueError) as error:
+            raise RunDirectoryError(
+                f"{self.path / CONFIG} cannot be read ({error}): choose another --output."
+            ) from error
+
+    def shard(self, name: str) -> np.ndarray | None:
+        """A finished shard; None if it is absent or damaged, and so has to run (again)."""
+        try:
+            return np.load(self.path / SHARDS / f"{name}.npy", allow_pickle=False)
+        except (FileNotFoundError, ValueError, EOFError):
+            return None
+
+    def save_shard(self, name: str, result: np.ndarray) -> None:
+        """Keeps a finished shard."""
+        content = io.BytesIO()
+        np.save(content, result, allow_pickle=False)
+        path = self.path / SHARDS / f"{name}.npy"
+        write_atomically(path, lambda file: file.write(content.getbuffer()))
+
+    def finish(self, summary: dict[str, Any]) -> None:
+        """Marks the run as completed. The shards, now in the tables, are removed."""
+        write_json(self.path / SUMMARY, summary)
+        shutil.rmtree(self.path / SHARDS)
+
+
+def _differ(found: dict[str, Any], wanted: dict[str, Any], key: str) -> bool:
+    return found.get(key) != wanted.get(key)

@@ -1,0 +1,177 @@
+"""The one loop over time: act, step the world, update; resets and time limits live here.
+
+In: an algorithm and an environment. Out: the learner's state and a log.
+Next: `detpg.evaluation` plays its greedy policy, `detpg.experiments` runs many such loops.
+
+Randomness: step t uses `fold_in(key, t)` and one named split, so that a run resumed from a saved
+`TrainState` with the same key is equal to the bit. Evaluation has its own key and changes nothing.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Int, PRNGKeyArray, PyTree
+
+from detpg import trees
+from detpg.types import Action, Algorithm, Environment, Transition
+
+
+class Episode(eqx.Module):
+    """Where the world stands: its state, the action chosen there, steps since the reset."""
+
+    state: PyTree
+    action: Action
+    steps: Int[Array, ""]
+
+
+class TrainState(eqx.Module):
+    """Everything that the rest of a run depends on, besides its key."""
+
+    learner: PyTree
+    episode: Episode
+    step: Int[Array, ""]
+
+
+class Log(eqx.Module):
+    """What was seen, with a leading axis over updates.
+
+    Attributes:
+        info: Diagnostics of each update.
+        probe: What the caller's probe returned of the learner, before each update.
+    """
+
+    info: PyTree
+    probe: PyTree
+
+
+class StepKeys(NamedTuple):
+    """The streams of one step."""
+
+    environment: PRNGKeyArray
+    behaviour: PRNGKeyArray
+    update: PRNGKeyArray
+    reset: PRNGKeyArray
+
+
+def _start(
+    algorithm: Algorithm, environment: Environment, key: PRNGKeyArray, learner: PyTree
+) -> Episode:
+    state_key, action_key = jax.random.split(key)
+    state = environment.initial(state_key)
+    action = algorithm.act(action_key, learner, environment.observe(state))
+    return Episode(state=state, action=action, steps=jnp.asarray(0))
+
+
+def begin(algorithm: Algorithm, environment: Environment, key: PRNGKeyArray) -> TrainState:
+    """The state before the first step.
+
+    Args:
+        algorithm: The learner.
+        environment: The world.
+        key: Used for the initial parameters and the first state, not for the loop.
+    """
+    learner_key, start_key = jax.random.split(key)
+    learner = algorithm.init(learner_key)
+    episode = _start(algorithm, environment, start_key, learner)
+    return TrainState(learner=learner, episode=episode, step=jnp.asarray(0))
+
+
+def _step(
+    algorithm: Algorithm, environment: Environment, keys: StepKeys, learner: PyTree, now: Episode
+) -> tuple[Transition, Episode]:
+    """One step of the world, and where it stands afterwards (reset where the episode ended)."""
+    next_state = environment.transition(keys.environment, now.state, now.action)
+    next_observation = environment.observe(next_state)
+    terminated = environment.terminated(next_state)
+    next_action = algorithm.act(keys.behaviour, learner, next_observation)
+    transition = Transition(
+        observation=environment.observe(now.state),
+        action=now.action,
+        reward=environment.reward(now.state, now.action, next_state),
+        next_observation=next_observation,
+        next_action=next_action,
+        terminated=terminated,
+    )
+    truncated = now.steps + 1 >= environment.spec.time_limit
+    ongoing = Episode(state=next_state, action=next_action, steps=now.steps + 1)
+    fresh = _start(algorithm, environment, keys.reset, learner)
+    return transition, trees.where(terminated | truncated, fresh, ongoing)
+
+
+def _batch(
+    algorithm: Algorithm, environment: Environment, keys: PRNGKeyArray, learner: PyTree
+) -> Transition:
+    """Episodes of one step: independent given the learner, so drawn side by side."""
+
+    def one(key: PRNGKeyArray) -> Transition:
+        step = StepKeys(*key)
+        state = environment.initial(step.reset)
+        action = algorithm.act(step.behaviour, learner, environment.observe(state))
+        now = Episode(state=state, action=action, steps=jnp.asarray(0))
+        return _step(algorithm, environment, step, learner, now)[0]
+
+    return jax.vmap(one)(keys)
+
+
+def train(
+    algorithm: Algorithm,
+    environment: Environment,
+    key: PRNGKeyArray,
+    steps: int,
+    *,
+    start: TrainState | None = None,
+    probe: Callable[[PyTree], PyTree] | None = None,
+) -> tuple[TrainState, Log]:
+    """Trains for a number of environment steps. Pure: jit and vmap it as you like.
+
+    Args:
+        algorithm: The learner.
+        environment: The world.
+        key: Key of the run; give the same one to every call that continues it.
+        steps: Environment steps (static).
+        start: Where to continue; from the beginning when not given.
+        probe: Applied to the learner's state before each update, its results logged.
+
+    Returns:
+        The state after the last update, and the log.
+
+    Raises:
+        ValueError: A batch learner on episodes of more than one step, or a number of steps that
+            is not a multiple of its batch.
+    """
+    loop_key, begin_key = jax.random.split(key)
+    state = begin(algorithm, environment, begin_key) if start is None else start
+    size = algorithm.batch_size
+    _check_steps(size, steps, environment.spec.time_limit)
+
+    def body(state: TrainState, _: None) -> tuple[TrainState, Log]:
+        key = jax.random.fold_in(loop_key, state.step)
+        seen = None if probe is None else probe(state.learner)
+        if size is None:
+            keys = StepKeys(*jax.random.split(key, 4))
+            transition, episode = _step(algorithm, environment, keys, state.learner, state.episode)
+        else:
+            batch_keys = jax.random.split(key, (size, 4))
+            transition = _batch(algorithm, environment, batch_keys, state.learner)
+            keys, episode = StepKeys(*batch_keys[0]), state.episode
+        learner, info = algorithm.update(keys.update, state.learner, transition)
+        after = TrainState(learner, episode, state.step + (1 if size is None else size))
+        return after, Log(info=info, probe=seen)
+
+    return jax.lax.scan(body, state, None, length=steps // (size or 1))
+
+
+def _check_steps(batch_size: int | None, steps: int, time_limit: int) -> None:
+    if batch_size is not None and time_limit != 1:
+        raise ValueError(
+            f"A learner with batches of {batch_size} needs episodes of one step, but the "
+            f"environment's time limit is {time_limit}: use an incremental learner."
+        )
+    if steps < 1 or steps % (batch_size or 1):
+        raise ValueError(
+            f"steps = {steps} is not usable: give a positive multiple of {batch_size or 1}, "
+            "the number of steps per update."
+        )

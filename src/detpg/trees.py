@@ -1,0 +1,50 @@
+"""Arithmetic on parameter trees: any pytree of arrays is one vector of R^n."""
+
+import itertools
+import math
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, PyTree
+
+from detpg.types import Policy
+
+
+def add_scaled(tree: PyTree, scale: Float[Array, ""], direction: PyTree) -> PyTree:
+    """Tree + scale * direction, leaf by leaf: one step of size `scale`."""
+    return jax.tree.map(lambda x, d: x + scale * d, tree, direction)
+
+
+def where(condition: Bool[Array, ""], if_true: PyTree, if_false: PyTree) -> PyTree:
+    """One of two trees of the same structure, chosen by a scalar condition."""
+    return jax.tree.map(lambda a, b: jax.lax.select(condition, a, b), if_true, if_false)
+
+
+def mean(trees: PyTree) -> PyTree:
+    """Mean over the leading axis of every leaf."""
+    return jax.tree.map(lambda x: jnp.mean(x, axis=0), trees)
+
+
+def to_vector(tree: PyTree) -> Float[Array, "feat"]:
+    """All leaves raveled and joined, in the order of `jax.tree.leaves`."""
+    return jnp.concatenate([jnp.ravel(leaf) for leaf in jax.tree.leaves(tree)])
+
+
+def like(tree: PyTree, vector: Float[Array, "feat"]) -> PyTree:
+    """A vector in the shape of a tree: the inverse of `to_vector`."""
+    leaves, structure = jax.tree.flatten(tree)
+    ends = list(itertools.accumulate(leaf.size for leaf in leaves))
+    parts = [vector[end - leaf.size : end] for leaf, end in zip(leaves, ends, strict=True)]
+    shaped = [part.reshape(leaf.shape) for part, leaf in zip(parts, leaves, strict=True)]
+    return jax.tree.unflatten(structure, shaped)
+
+
+def num_parameters(policy: Policy) -> int:
+    """n, the length of theta, from the shapes alone."""
+    theta = jax.eval_shape(policy.init, jax.random.key(0))
+    return sum(math.prod(leaf.shape) for leaf in jax.tree.leaves(theta))
+
+
+def all_finite(tree: PyTree) -> Bool[Array, ""]:
+    """True if every number of the tree is finite."""
+    return jnp.all(jnp.isfinite(to_vector(tree)))

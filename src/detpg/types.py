@@ -1,0 +1,191 @@
+"""The vocabulary of the walk: the transition, the protocols of its stops, and hyper-parameters.
+
+All quantities are unbatched; batching over seeds and hyper-parameters is a `jax.vmap` outside.
+Axis names used in annotations: `obs act feat points seeds time batch`.
+"""
+
+import dataclasses
+import math
+from typing import Any, ClassVar, Protocol, Self, runtime_checkable
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
+from jaxtyping import Array, Bool, Float, PRNGKeyArray, PyTree, Shaped
+
+Number = Float[Array, ""]
+Observation = Float[Array, "obs"]
+Action = Float[Array, "act"]
+
+
+class Transition(eqx.Module):
+    """One step of experience, (s, a, r, s', a').
+
+    `next_observation` is the one before any reset. `terminated` stops bootstrapping; a time limit
+    does not, and is therefore not part of a transition. A batch learner (`batch_size` set) receives
+    the same record with a leading axis `batch` on every field.
+    """
+
+    observation: Float[Array, "*batch obs"]
+    action: Float[Array, "*batch act"]
+    reward: Float[Array, "*batch"]
+    next_observation: Float[Array, "*batch obs"]
+    next_action: Float[Array, "*batch act"]
+    terminated: Bool[Array, "*batch"]
+
+
+@dataclasses.dataclass(frozen=True)
+class EnvironmentSpec:
+    """What is static about an environment: sizes, bounds, time limit, discount.
+
+    Attributes:
+        name: Registry name.
+        observation_size: Length of the observation vector.
+        action_size: m, the length of the action vector.
+        action_low: Lower bound of each action component, in action units (-inf: unbounded).
+        action_high: Upper bound of each action component.
+        time_limit: Steps after which an episode is cut; 1 for a bandit.
+        discount: gamma, as used in the paper for this environment.
+    """
+
+    name: str
+    observation_size: int
+    action_size: int
+    action_low: tuple[float, ...]
+    action_high: tuple[float, ...]
+    time_limit: int
+    discount: float
+
+
+@runtime_checkable
+class Environment(Protocol):
+    """p_1, p and r of Section 2.1: a frozen record whose physical constants are leaves."""
+
+    @property
+    def spec(self) -> EnvironmentSpec: ...
+
+    def initial(self, key: PRNGKeyArray) -> PyTree: ...
+
+    def transition(self, key: PRNGKeyArray, state: PyTree, action: Action) -> PyTree: ...
+
+    def reward(self, state: PyTree, action: Action, next_state: PyTree) -> Number: ...
+
+    def terminated(self, state: PyTree) -> Bool[Array, ""]: ...
+
+    def observe(self, state: PyTree) -> Observation: ...
+
+
+@runtime_checkable
+class Policy(Protocol):
+    """mu_theta(s). The object is structure, theta (any pytree) is data."""
+
+    def init(self, key: PRNGKeyArray) -> PyTree: ...
+
+    def __call__(self, theta: PyTree, observation: Observation) -> Action: ...
+
+
+@runtime_checkable
+class StochasticPolicy(Protocol):
+    """pi_{theta,y}(a|s): a policy (its mean) that can also be sampled and has a density."""
+
+    def init(self, key: PRNGKeyArray) -> PyTree: ...
+
+    def __call__(self, theta: PyTree, observation: Observation) -> Action: ...
+
+    def sample(self, key: PRNGKeyArray, theta: PyTree, observation: Observation) -> Action: ...
+
+    def log_prob(self, theta: PyTree, observation: Observation, action: Action) -> Number: ...
+
+
+@runtime_checkable
+class Behaviour(Protocol):
+    """beta(a|s): how actions are chosen while learning."""
+
+    def act(self, key: PRNGKeyArray, theta: PyTree, observation: Observation) -> Action: ...
+
+    def log_prob(self, theta: PyTree, observation: Observation, action: Action) -> Number: ...
+
+
+@runtime_checkable
+class Algorithm(Protocol):
+    """A learner: structure is static, hyper-parameters are leaves, State is what `update` needs.
+
+    `batch_size` is None for an incremental learner (one unbatched transition per update) and the
+    number of stacked transitions per update otherwise. `equations` names the paper's lines.
+    """
+
+    equations: ClassVar[str]
+
+    @classmethod
+    def create(cls, spec: EnvironmentSpec, **options: Any) -> Self: ...
+
+    @property
+    def batch_size(self) -> int | None: ...
+
+    def init(self, key: PRNGKeyArray) -> PyTree: ...
+
+    def act(self, key: PRNGKeyArray, state: PyTree, observation: Observation) -> Action: ...
+
+    def update(
+        self, key: PRNGKeyArray, state: PyTree, transition: Transition
+    ) -> tuple[PyTree, PyTree]: ...
+
+    def greedy(self, state: PyTree, observation: Observation) -> Action: ...
+
+
+@dataclasses.dataclass(frozen=True)
+class Hyper:
+    """What is known of a hyper-parameter: the one source for help, docs, sweeps and validation."""
+
+    doc: str
+    default: float
+    low: float
+    high: float
+
+
+def strong(value: Any) -> Shaped[Array, "..."]:
+    """A strongly typed float array: a weakly typed one breaks scan carries and retraces."""
+    if isinstance(value, jax.Array):
+        return value
+    return jnp.asarray(value, dtype=float)
+
+
+def hyper(doc: str, default: float, low: float, high: float) -> Any:
+    """A real-valued hyper-parameter as a field: an array leaf with its documentation and range.
+
+    Args:
+        doc: One line, with the unit where there is one.
+        default: Value when none is given.
+        low: Least allowed value.
+        high: Greatest allowed value.
+    """
+    known = Hyper(doc, default, low, high)
+    return eqx.field(default=default, converter=strong, metadata={"hyper": known})
+
+
+def hyper_parameters(record: Any) -> dict[str, Hyper]:
+    """The hyper-parameters of a record or of its class, in order of declaration."""
+    fields = dataclasses.fields(record)
+    return {f.name: f.metadata["hyper"] for f in fields if "hyper" in f.metadata}
+
+
+def check_hyper(record: Any) -> None:
+    """Refuses a hyper-parameter that is not finite or outside its range.
+
+    Traced values pass: inside `jit` or `vmap` there is no number to look at.
+
+    Raises:
+        ValueError: Names the value, the range and the hyper-parameter.
+    """
+    for name, known in hyper_parameters(record).items():
+        value = getattr(record, name)
+        if isinstance(value, Tracer):
+            continue
+        for number in np.ravel(np.asarray(value)):
+            if not (math.isfinite(number) and known.low <= number <= known.high):
+                raise ValueError(
+                    f"{name} = {number:g} is not usable: give a finite number between "
+                    f"{known.low:g} and {known.high:g} ({known.doc})."
+                )
