@@ -16,11 +16,15 @@ The folders are stops on the road of the data, and imports follow it:
 `detpg.testing` checks one's own environments and algorithms against the protocols of `detpg.types`.
 """
 
-from detpg.algorithms import ALGORITHMS
-from detpg.environments import ENVIRONMENTS
-from detpg.evaluation import greedy_return
-from detpg.training import TrainState, begin, train
-from detpg.types import EnvironmentSpec, Transition
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from detpg.algorithms import ALGORITHMS
+    from detpg.environments import ENVIRONMENTS
+    from detpg.evaluation import greedy_return
+    from detpg.training import TrainState, begin, train
+    from detpg.types import EnvironmentSpec, Transition
 
 __version__ = "0.1.0"
 
@@ -34,3 +38,21 @@ __all__ = [
     "greedy_return",
     "train",
 ]
+
+_HOMES = {
+    "ALGORITHMS": "detpg.algorithms",
+    "ENVIRONMENTS": "detpg.environments",
+    "EnvironmentSpec": "detpg.types",
+    "TrainState": "detpg.training",
+    "Transition": "detpg.types",
+    "begin": "detpg.training",
+    "greedy_return": "detpg.evaluation",
+    "train": "detpg.training",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Imports a public name when it is first used: `detpg --help` must not wait for JAX."""
+    if name not in _HOMES:
+        raise AttributeError(f"module 'detpg' has no attribute {name!r}")
+    return getattr(importlib.import_module(_HOMES[name]), name)

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Int, PRNGKeyArray, PyTree
+from jaxtyping import Array, Int, Key, PRNGKeyArray, PyTree
 
 from detpg import trees
 from detpg.types import Action, Algorithm, Environment, Transition
@@ -62,7 +62,7 @@ def _start(
     state_key, action_key = jax.random.split(key)
     state = environment.initial(state_key)
     action = algorithm.act(action_key, learner, environment.observe(state))
-    return Episode(state=state, action=action, steps=jnp.asarray(0))
+    return Episode(state=state, action=action, steps=jnp.asarray(0, dtype=int))
 
 
 def begin(algorithm: Algorithm, environment: Environment, key: PRNGKeyArray) -> TrainState:
@@ -76,7 +76,7 @@ def begin(algorithm: Algorithm, environment: Environment, key: PRNGKeyArray) -> 
     learner_key, start_key = jax.random.split(key)
     learner = algorithm.init(learner_key)
     episode = _start(algorithm, environment, start_key, learner)
-    return TrainState(learner=learner, episode=episode, step=jnp.asarray(0))
+    return TrainState(learner=learner, episode=episode, step=jnp.asarray(0, dtype=int))
 
 
 def _step(
@@ -102,15 +102,15 @@ def _step(
 
 
 def _batch(
-    algorithm: Algorithm, environment: Environment, keys: PRNGKeyArray, learner: PyTree
+    algorithm: Algorithm, environment: Environment, keys: Key[Array, "batch 4"], learner: PyTree
 ) -> Transition:
     """Episodes of one step: independent given the learner, so drawn side by side."""
 
-    def one(key: PRNGKeyArray) -> Transition:
+    def one(key: Key[Array, "4"]) -> Transition:
         step = StepKeys(*key)
         state = environment.initial(step.reset)
         action = algorithm.act(step.behaviour, learner, environment.observe(state))
-        now = Episode(state=state, action=action, steps=jnp.asarray(0))
+        now = Episode(state=state, action=action, steps=jnp.asarray(0, dtype=int))
         return _step(algorithm, environment, step, learner, now)[0]
 
     return jax.vmap(one)(keys)

@@ -6,7 +6,7 @@ Axis names used in annotations: `obs act feat points seeds time batch`.
 
 import dataclasses
 import math
-from typing import Any, ClassVar, Protocol, Self, runtime_checkable
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import equinox as eqx
 import jax
@@ -119,7 +119,7 @@ class Algorithm(Protocol):
     equations: ClassVar[str]
 
     @classmethod
-    def create(cls, spec: EnvironmentSpec, **options: Any) -> Self: ...
+    def create(cls, spec: EnvironmentSpec, **options: Any) -> "Algorithm": ...
 
     @property
     def batch_size(self) -> int | None: ...
@@ -147,8 +147,8 @@ class Hyper:
 
 def strong(value: Any) -> Shaped[Array, "..."]:
     """A strongly typed float array: a weakly typed one breaks scan carries and retraces."""
-    if isinstance(value, jax.Array):
-        return value
+    if isinstance(value, jax.Array) and jnp.issubdtype(value.dtype, jnp.floating):
+        return value.astype(value.dtype)
     return jnp.asarray(value, dtype=float)
 
 

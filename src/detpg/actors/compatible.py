@@ -1,4 +1,4 @@
-"""The direction of the compatible deterministic actor (eq. 22)."""
+"""The direction of the compatible deterministic actor (eq. 20)."""
 
 import jax
 from jaxtyping import PyTree
@@ -9,7 +9,7 @@ from detpg.types import Observation, Policy
 def compatible_direction(
     policy: Policy, theta: PyTree, observation: Observation, w: PyTree
 ) -> PyTree:
-    """grad_theta mu_theta(s) (grad_theta mu_theta(s)^T w), shaped like theta (eq. 22).
+    """grad_theta mu_theta(s) (grad_theta mu_theta(s)^T w), shaped like theta (eq. 20).
 
     The inner product is the critic's action-value gradient at mu_theta(s): one Jacobian-vector
     product; the outer one a vector-Jacobian product. No Jacobian matrix is formed.

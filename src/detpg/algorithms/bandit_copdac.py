@@ -1,6 +1,6 @@
 """COPDAC-B: the compatible deterministic actor-critic on a bandit (Section 5.1)."""
 
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax
@@ -53,7 +53,7 @@ class BanditCOPDAC(eqx.Module):
         sigma: Standard deviation sigma_beta of the behaviour.
     """
 
-    equations: ClassVar[str] = "Section 5.1; 22"
+    equations: ClassVar[str] = "Section 5.1; 20"
 
     policy: Policy = eqx.field(static=True)
     alpha_theta: Number = hyper("step size of the actor", 0.1, 0.0, 1e6)
@@ -63,7 +63,7 @@ class BanditCOPDAC(eqx.Module):
         check_hyper(self)
 
     @classmethod
-    def create(cls, spec: EnvironmentSpec, **options: Any) -> Self:
+    def create(cls, spec: EnvironmentSpec, **options: Any) -> "BanditCOPDAC":
         """The learner for an environment, with mu_theta = theta."""
         return cls(policy=ConstantPolicy(spec.action_size), **options)
 
@@ -92,7 +92,7 @@ class BanditCOPDAC(eqx.Module):
         critic = linear_regression(jax.vmap(trees.to_vector)(phi), transition.reward)
         w = trees.like(theta, critic.w)
 
-        # theta <- theta + alpha_theta grad_theta mu_theta (grad_theta mu_theta^T w)  (22)
+        # theta <- theta + alpha_theta grad_theta mu_theta (grad_theta mu_theta^T w)  (20)
         direction = jax.vmap(lambda s: compatible_direction(self.policy, theta, s, w))(
             transition.observation
         )

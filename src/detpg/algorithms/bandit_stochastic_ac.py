@@ -1,6 +1,6 @@
 """SAC-B: the stochastic actor-critic on a bandit (Section 5.1). Not Soft Actor-Critic."""
 
-from typing import Any, ClassVar, Literal, Self
+from typing import Any, ClassVar, Literal
 
 import equinox as eqx
 import jax
@@ -74,7 +74,7 @@ class BanditStochasticAC(eqx.Module):
             raise ValueError(f"actor {self.actor!r} is unknown: choose one of {', '.join(ACTORS)}.")
 
     @classmethod
-    def create(cls, spec: EnvironmentSpec, **options: Any) -> Self:
+    def create(cls, spec: EnvironmentSpec, **options: Any) -> "BanditStochasticAC":
         """The learner for an environment, with the mean theta."""
         return cls(policy=IsotropicGaussian(ConstantPolicy(spec.action_size)), **options)
 

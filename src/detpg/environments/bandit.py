@@ -14,7 +14,7 @@ SPECTRA: tuple[Spectrum, ...] = ("mixed", "isotropic")
 
 
 class QuadraticBandit(eqx.Module):
-    r"""Quadratic bandit, $-r(a) = (a - a^*)^\top C (a - a^*)$ (Section 5.1).
+    """Quadratic bandit, `-r(a) = (a - a*)^T C (a - a*)` (Section 5.1).
 
     **Observation** (1 number)
 
@@ -30,13 +30,13 @@ class QuadraticBandit(eqx.Module):
 
     **Dynamics.** None: an episode is one step.
 
-    **Reward.** Minus the cost, in cost units; 0 at a = a*, negative elsewhere. No noise.
+    **Reward.** Minus the cost, in cost units; 0 at the best action, negative elsewhere. No noise.
 
     **Start.** The one state. **Termination.** After every action; the time limit is 1 step.
 
     **What the paper says, what we chose.** C is positive definite with eigenvalues from {0.1, 1},
-    a* = [4, ..., 4]. The number of each eigenvalue and the eigenvectors are not said. `mixed` (the
-    default) takes floor(m/2) eigenvalues 0.1 and the rest 1, rotated by a random orthogonal matrix
+    `a* = [4, ..., 4]`. The number of each eigenvalue and the eigenvectors are not said. `mixed`
+    (the default) takes floor(m/2) eigenvalues 0.1 and the rest 1, rotated by a random orthogonal matrix
     (uniform over rotations and reflections); `isotropic` takes C = 0.1 I, the one reading found
     that fits the published curve for m = 50.
 

@@ -6,20 +6,23 @@ NUM_RESAMPLES = 9_999
 LEVEL = 0.95
 
 
-def bootstrap_means(values: np.ndarray, seed: int) -> np.ndarray:
+def bootstrap_means(
+    values: np.ndarray, seed: int, num_resamples: int = NUM_RESAMPLES
+) -> np.ndarray:
     """Means of resampled runs.
 
     Args:
         values: Shape (..., runs). The same resampled runs serve every leading entry, so that what
             was measured on the same seeds is compared pair by pair.
         seed: Of the resampling.
+        num_resamples: How many.
 
     Returns:
         Shape (..., resamples). Not finite where a run that was drawn is not.
     """
     num_runs = values.shape[-1]
     generator = np.random.default_rng(seed)
-    counts = generator.multinomial(num_runs, np.full(num_runs, 1 / num_runs), NUM_RESAMPLES)
+    counts = generator.multinomial(num_runs, np.full(num_runs, 1 / num_runs), num_resamples)
     finite = np.isfinite(values)
     means = np.where(finite, values, 0.0) @ counts.T / num_runs
     lost = ~finite @ counts.T.astype(bool)

@@ -7,17 +7,21 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
 
 from detpg.executors import InProcess, Processes
 from detpg.experiments.report import claims_page
-from detpg.experiments.selection import Selection, score, select
+from detpg.experiments.selection import score, select
 from detpg.experiments.study import Arm, Condition, Phase, Results, Study
-from detpg.experiments.sweep import join, plan, run_shard
-from detpg.runs import RunDirectory, TableWriter, provenance, write_atomically
+from detpg.experiments.sweep import Shard, join, plan, run_shard
+from detpg.experiments.tables import Cells, write_tables
+from detpg.runs import RunDirectory, provenance, write_atomically
 
-Progress = Callable[[str, int, int], None]
-Cells = dict[tuple[Condition, str], np.ndarray]
+Grid = dict[str, np.ndarray]
+
+
+def run_directory(study: Study, preset: str, seed: int, output: Path) -> RunDirectory:
+    """The directory of a study under an output folder; nothing is touched."""
+    return RunDirectory(output / study.name, study.config(preset, seed))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -29,7 +33,7 @@ class Reproduction:
         preset: Name of one of its presets.
         seed: Of everything random.
         workers: Processes; the results do not depend on it.
-        directory: Where it stands.
+        directory: Where it stands, opened.
         progress: Called with a phase's name, shards done and shards in all.
     """
 
@@ -38,15 +42,12 @@ class Reproduction:
     seed: int
     workers: int
     directory: RunDirectory
-    progress: Progress
+    progress: Callable[[str, int, int], None]
 
     def run(self) -> None:
         """Runs what is missing, then writes the tables and, last, the summary."""
-        began = time.monotonic()
-        thin = self.study.presets[self.preset].thin
-        cells = list(self._cells())
-        grids = {arm.name: arm.points(thin) for _, arm in cells}
-
+        cells = [(c, arm) for c in self.study.conditions for arm in self.study.arms_of(self.preset)]
+        grids = {arm.name: arm.points(self.study.presets[self.preset].thin) for _, arm in cells}
         executor = InProcess(run_shard) if self.workers == 1 else Processes(run_shard, self.workers)
         with executor:
             sweep = self._phase(executor, "sweep", {(c, arm): grids[arm.name] for c, arm in cells})
@@ -64,29 +65,28 @@ class Reproduction:
             for phase in ("fresh", "interval"):
                 done = self._phase(executor, phase, chosen)
                 costs |= {(c, name, phase): values for (c, name), values in done.items()}
-
         results = Results(self.study, selections, costs, grids, self.seed)
-        self._write_tables(sweep, results)
-        self._write_report(results, time.monotonic() - began)
+        write_tables(results, sweep, self.directory.path)
+        self._write_report(
+            results,
+            sum(values.shape[0] * values.shape[1] for values in (*sweep.values(), *costs.values())),
+        )
 
     def _phase(
         self,
         executor: InProcess | Processes,
         phase: Phase,
-        points: dict[tuple[Condition, Arm], dict[str, np.ndarray]],
+        points: dict[tuple[Condition, Arm], Grid],
     ) -> Cells:
         """Metric (points, seeds, time) of every cell, from finished shards where they exist."""
         scale = self.study.presets[self.preset]
-        num_seeds = scale.num_seeds(phase)
-        if num_seeds == 0:
-            return {}
         plans = {
             (condition, arm.name): plan(
                 condition,
                 arm,
                 phase,
                 grid,
-                num_seeds,
+                scale.num_seeds(phase),
                 shape=scale.shard,
                 study_seed=self.seed,
                 steps=self.study.steps,
@@ -95,125 +95,71 @@ class Reproduction:
             for (condition, arm), grid in points.items()
         }
         shards = [shard for cell in plans.values() for shard in cell]
-        found = {shard.name: self.directory.shard(shard.name) for shard in shards}
-        missing = [shard for shard in shards if found[shard.name] is None]
-        self.progress(phase, len(shards) - len(missing), len(shards))
-        groups = [shard.program for shard in missing]
-        for done, (index, result) in enumerate(executor.run(missing, groups), 1):
-            found[missing[index].name] = result
-            self.directory.save_shard(missing[index].name, result)
-            self.progress(phase, len(shards) - len(missing) + done, len(shards))
+        found = self._complete(executor, phase, shards)
         return {
-            cell: join(members, [_present(found[shard.name]) for shard in members])
+            cell: join(members, [found[shard.name] for shard in members])
             for cell, members in plans.items()
+            if members
         }
 
-    def _write_tables(self, sweep: Cells, results: Results) -> None:
-        path = self.directory.path
-        with TableWriter(path / "sweep.parquet", _schema(self.study)) as table:
-            for condition, arm in self._cells():
-                values = sweep[condition, arm.name]
-                self._block(table, condition, arm, "sweep", values, results, None)
-        with TableWriter(path / "curves.parquet", _schema(self.study, role=True)) as table:
-            for (condition, name, phase), values in results.costs.items():
-                arm = next(a for a in self.study.arms if a.name == name)
-                selection = results.selections[condition, name]
-                self._block(table, condition, arm, phase, values, results, selection)
+    def _complete(
+        self, executor: InProcess | Processes, phase: Phase, shards: list[Shard]
+    ) -> dict[str, np.ndarray]:
+        """Results of all shards by name; those that were not found are run and kept."""
+        results: dict[str, np.ndarray] = {}
+        missing = []
+        for shard in shards:
+            result = self.directory.shard(shard.name)
+            if result is None:
+                missing.append(shard)
+            else:
+                results[shard.name] = result
+        earlier, began = self.directory.seconds, time.monotonic()
+        if shards:
+            self.progress(phase, len(results), len(shards))
+        for index, result in executor.run(missing, [shard.program for shard in missing]):
+            self.directory.save_shard(missing[index].name, result)
+            self.directory.seconds = earlier + time.monotonic() - began
+            results[missing[index].name] = result
+            self.progress(phase, len(results), len(shards))
+        return results
 
-    def _cells(self) -> Iterator[tuple[Condition, Arm]]:
-        arms = self.study.arms_of(self.preset)
-        return ((condition, arm) for condition in self.study.conditions for arm in arms)
-
-    def _block(
-        self,
-        table: TableWriter,
-        condition: Condition,
-        arm: Arm,
-        phase: Phase,
-        values: np.ndarray,
-        results: Results,
-        selection: Selection | None,
-    ) -> None:
-        """Rows of one cell; of the chosen points only where there is a selection."""
-        grid = results.points[arm.name]
-        num_points = len(next(iter(grid.values())))
-        indices = range(num_points) if selection is None else selection.indices
-        axes: dict[str, Any] = {
-            "study": self.study.name,
-            **dict(condition.options),
-            "arm": arm.name,
-            "algorithm": arm.algorithm,
-            "phase": phase,
-            "point": (0, list(indices)),
-            "seed": (1, list(range(values.shape[1]))),
-            "step": (2, self.study.times.tolist()),
-        }
-        for name in _hyper_names(self.study):
-            axes[name] = (
-                0,
-                _take(grid, indices)[name].tolist() if name in grid else _nothing(indices),
-            )
-        if selection is not None:
-            axes["role"] = (0, [choice.role for choice in selection.choices])
-        table.block(axes, {"cost": values, "finite": np.isfinite(values)})
-
-    def _write_report(self, results: Results, seconds: float) -> None:
-        scale = self.study.presets[self.preset]
+    def _write_report(self, results: Results, num_runs: int) -> None:
         claims = self.study.judge(results)
-        summary = {
-            "figure": self.study.name,
-            "preset": self.preset,
-            "seed": self.seed,
-            "environment_steps": self.study.steps * _num_runs(results, scale.sweep_seeds),
-            "wall_seconds": round(seconds, 1),
-            "selected": [row for cell in self._cells() for row in _selected(results, *cell)],
-            "claims": [claim.as_json() for claim in claims],
-            "provenance": provenance(self.directory.config),
-        }
-        page = claims_page(self.study, self.preset, self.seed, summary["selected"], claims)
+        selected = [row for cell in results.selections for row in _selected(results, *cell)]
+        page = claims_page(self.study, self.preset, self.seed, selected, claims)
         path = self.directory.path / "claims.md"
         write_atomically(path, lambda file: file.write(page.encode()))
-        self.directory.finish(summary)
+        self.directory.finish(
+            {
+                "figure": self.study.name,
+                "preset": self.preset,
+                "seed": self.seed,
+                "environment_steps": self.study.steps * num_runs,
+                "wall_seconds": round(self.directory.seconds, 1),
+                "selected": selected,
+                "claims": [claim.as_json() for claim in claims],
+                "provenance": provenance(self.directory.config),
+            }
+        )
 
 
-def _take(grid: dict[str, np.ndarray], indices: Any) -> dict[str, np.ndarray]:
-    return {name: values[list(indices)] for name, values in grid.items()}
+def _take(grid: Grid, indices: list[int]) -> Grid:
+    return {name: values[indices] for name, values in grid.items()}
 
 
-def _nothing(indices: Any) -> list[float | None]:
-    return [None for _ in indices]
-
-
-def _present(result: np.ndarray | None) -> np.ndarray:
-    assert result is not None, "every shard was found or run"
-    return result
-
-
-def _hyper_names(study: Study) -> list[str]:
-    return sorted({name for arm in study.arms for name, _ in arm.grid})
-
-
-def _num_runs(results: Results, sweep_seeds: int) -> int:
-    """Runs of all phases."""
-    points = sum(len(next(iter(grid.values()))) for grid in results.points.values())
-    fresh = sum(values.shape[0] * values.shape[1] for values in results.costs.values())
-    return len(results.study.conditions) * points * sweep_seeds + fresh
-
-
-def _selected(results: Results, condition: Condition, arm: Arm) -> Iterator[dict[str, Any]]:
+def _selected(results: Results, condition: Condition, arm: str) -> Iterator[dict[str, Any]]:
     """The best points of a cell with both their numbers: on the sweep seeds and on fresh ones."""
-    selection = results.selections[condition, arm.name]
+    selection = results.selections[condition, arm]
     for rule in results.study.rules:
         best = selection.choices[selection.row(rule)]
-        fresh = score(results.runs(condition, arm.name, rule), rule)
-        point = {
-            name: float(values[best.index]) for name, values in results.points[arm.name].items()
-        }
+        fresh = score(results.runs(condition, arm, rule), rule)
+        grid = results.points[arm]
         yield {
             **dict(condition.options),
-            "arm": arm.name,
+            "arm": arm,
             "chosen_by": rule,
-            "point": point,
+            "point": {name: float(values[best.index]) for name, values in grid.items()},
             "on_edge": list(best.edges),
             "sweep_score": _number(best.score),
             "fresh_score": _number(float(fresh.mean())),
@@ -226,20 +172,3 @@ def _selected(results: Results, condition: Condition, arm: Arm) -> Iterator[dict
 
 def _number(value: float) -> float | None:
     return value if np.isfinite(value) else None
-
-
-def _schema(study: Study, role: bool = False) -> pa.Schema:
-    kinds: dict[str, pa.DataType] = {"study": pa.string()}
-    for name, value in study.conditions[0].options:
-        kinds[name] = pa.int32() if isinstance(value, int) else pa.string()
-    kinds |= dict.fromkeys(("arm", "algorithm", "phase"), pa.string())
-    kinds |= {"role": pa.string()} if role else {}
-    kinds |= {"point": pa.int32()}
-    kinds |= dict.fromkeys(_hyper_names(study), pa.float64())
-    kinds |= {"seed": pa.int32(), "step": pa.int32(), "cost": pa.float32(), "finite": pa.bool_()}
-    return pa.schema(list(kinds.items()))
-
-
-def run_directory(study: Study, preset: str, seed: int, output: Path) -> RunDirectory:
-    """The directory of a study under an output folder; nothing is touched."""
-    return RunDirectory(output / study.name, study.config(preset, seed))

@@ -12,7 +12,7 @@ from typing import IO, Any
 
 import numpy as np
 
-CONFIG, SUMMARY, SHARDS = "config.json", "summary.json", "shards"
+CONFIG, SUMMARY, SHARDS, LOCK = "config.json", "summary.json", "shards", ".lock"
 
 
 class RunDirectoryError(Exception):
@@ -56,56 +56,67 @@ class RunDirectory:
         """Whether the run was completed: its summary is written last."""
         return (self.path / SUMMARY).exists()
 
-    def open(self, fresh: bool = False) -> None:
-        """Creates the directory, or checks that it holds this very run.
+    @contextlib.contextmanager
+    def opened(self, fresh: bool = False) -> Iterator[None]:
+        """Creates the directory, or checks that it holds this very run; nobody else may enter.
 
         Args:
             fresh: Start over: what an earlier run of any configuration left here is removed.
 
         Raises:
-            RunDirectoryError: It holds another configuration or something else, or it cannot be
-                written to.
+            RunDirectoryError: It holds another configuration or something else, it is in use, or
+                it cannot be written to. Nothing in it was changed.
         """
         found = self._found_config()
-        try:
-            if found is not None and fresh:
-                shutil.rmtree(self.path)
-            elif found is not None and found != self.config:
-                different = sorted(
-                    k for k in {*found, *self.config} if _differ(found, self.config, k)
-                )
-                raise RunDirectoryError(
-                    f"{self.path} holds a run with another configuration (different: "
-                    f"{', '.join(different)}): choose another --output, or start over with --fresh."
-                )
-            self.path.mkdir(parents=True, exist_ok=True)
-            (self.path / SHARDS).mkdir(exist_ok=True)
-            if found is None or fresh:
-                write_json(self.path / CONFIG, self.config)
-        except OSError as error:
+        if found is not None and found != self.config and not fresh:
+            keys = sorted({*found, *self.config})
+            different = [key for key in keys if found.get(key) != self.config.get(key)]
             raise RunDirectoryError(
-                f"{self.path} cannot be written to ({error.strerror}): choose another --output."
-            ) from error
+                f"{self.path} holds a run with another configuration (different: "
+                f"{', '.join(different)}): choose another --output, or start over with --fresh."
+            )
+        with contextlib.ExitStack() as held:
+            try:
+                self.path.mkdir(parents=True, exist_ok=True)
+                held.enter_context(self._locked())
+                if found is not None and fresh:
+                    self._clear()
+                if found is None or fresh:
+                    write_json(self.path / CONFIG, self.config)
+                if not self.finished:
+                    (self.path / SHARDS).mkdir(exist_ok=True)
+            except OSError as error:
+                raise RunDirectoryError(
+                    f"{self.path} cannot be written to ({error.strerror}): choose another --output."
+                ) from error
+            yield
 
     @contextlib.contextmanager
-    def locked(self) -> Iterator[None]:
-        """Keeps a second process out for as long as the block runs."""
-        with (self.path / SHARDS / "lock").open("w") as file:
+    def _locked(self) -> Iterator[None]:
+        with (self.path / LOCK).open("w") as file:
             try:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except OSError as error:
+            except BlockingIOError:
                 raise RunDirectoryError(
                     f"{self.path} is in use by another process: wait for it, or choose another "
                     "--output."
-                ) from error
+                ) from None
             yield
+            (self.path / LOCK).unlink(missing_ok=True)
+
+    def _clear(self) -> None:
+        for entry in self.path.iterdir():
+            if entry.is_dir():
+                shutil.rmtree(entry)
+            elif entry.name != LOCK:
+                entry.unlink()
 
     def _found_config(self) -> dict[str, Any] | None:
         """The configuration that stands here; None where there is nothing of ours or anyone's."""
         try:
             return json.loads((self.path / CONFIG).read_text())
         except FileNotFoundError:
-            if self.path.is_dir() and any(self.path.iterdir()):
+            if self.path.is_dir() and any(entry.name != LOCK for entry in self.path.iterdir()):
                 raise RunDirectoryError(
                     f"{self.path} holds files but no {CONFIG}: it is not a run of detpg; choose "
                     "another --output."
@@ -134,11 +145,20 @@ class RunDirectory:
         path = self.path / SHARDS / f"{name}.npy"
         write_atomically(path, lambda file: file.write(content.getbuffer()))
 
+    @property
+    def seconds(self) -> float:
+        """Wall time of earlier sessions of this run."""
+        try:
+            return float((self.path / SHARDS / "seconds").read_text())
+        except (FileNotFoundError, ValueError):
+            return 0.0
+
+    @seconds.setter
+    def seconds(self, value: float) -> None:
+        path = self.path / SHARDS / "seconds"
+        write_atomically(path, lambda file: file.write(f"{value:.3f}".encode()))
+
     def finish(self, summary: dict[str, Any]) -> None:
         """Marks the run as completed. The shards, now in the tables, are removed."""
         write_json(self.path / SUMMARY, summary)
         shutil.rmtree(self.path / SHARDS)
-
-
-def _differ(found: dict[str, Any], wanted: dict[str, Any], key: str) -> bool:
-    return found.get(key) != wanted.get(key)

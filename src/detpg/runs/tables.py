@@ -28,13 +28,17 @@ class TableWriter:
         """Adds one row for each entry of the value arrays.
 
         Args:
-            axes: Column -> a constant, or (axis, entries along that axis of the values).
+            axes: Column -> a constant, or (axis, entries along that axis of the values); those
+                that the schema does not name are passed over.
             values: Column -> array; all of one shape.
         """
         shape = next(iter(values.values())).shape
-        columns = {name: _spread(entry, shape) for name, entry in axes.items()}
-        columns |= {name: pa.array(np.ravel(value)) for name, value in values.items()}
-        arrays = [columns[field.name].cast(field.type) for field in self._schema]
+        arrays = [
+            pa.array(np.ravel(values[field.name])).cast(field.type)
+            if field.name in values
+            else _spread(axes[field.name], shape).cast(field.type)
+            for field in self._schema
+        ]
         self._writer.write_table(pa.Table.from_arrays(arrays, schema=self._schema))
 
     def __enter__(self) -> Self:

@@ -1,0 +1,63 @@
+"""Entry point: parses the words, runs the command, turns what users can mend into one sentence."""
+
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from detpg.cli.errors import UserError
+from detpg.cli.list_command import List
+from detpg.cli.reproduce import Reproduce
+
+Command = (
+    Annotated[Reproduce, tyro.conf.subcommand("reproduce")]
+    | Annotated[List, tyro.conf.subcommand("list")]
+)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Runs the command line; never returns normally on an error.
+
+    Args:
+        arguments: Words after the command's name; those of the process when not given.
+    """
+    command = tyro.cli(
+        Command,  # pyright: ignore[reportArgumentType]  # tyro takes unions, its types do not say so
+        args=arguments,
+        prog="detpg",
+        description="Deterministic policy gradients: the algorithms and experiments of Silver et "
+        "al. (2014).",
+        config=(tyro.conf.OmitArgPrefixes, tyro.conf.OmitSubcommandPrefixes),
+    )
+    _prepare_jax()
+    try:
+        command.run()
+    except UserError as error:
+        print(f"detpg: {error}", file=sys.stderr)
+        raise SystemExit(2) from None
+    except KeyboardInterrupt:
+        print("detpg: stopped; run the same command again to continue.", file=sys.stderr)
+        raise SystemExit(130) from None
+
+
+def _prepare_jax() -> None:
+    """Settings that JAX reads when it is imported, here and in worker processes.
+
+    One thread per process: XLA's shared thread pool can wait for itself for ever
+    (docs/decisions/0008). Compiled programs are kept in the user's cache folder.
+    """
+    flag = "--xla_cpu_multi_thread_eigen=false"
+    flags = os.environ.get("XLA_FLAGS", "")
+    if "xla_cpu_multi_thread_eigen" not in flags:
+        os.environ["XLA_FLAGS"] = f"{flags} {flag}".strip()
+    os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(_cache_folder() / "jax"))
+    os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.2")
+
+
+def _cache_folder() -> Path:
+    import platformdirs
+
+    return Path(platformdirs.user_cache_dir("detpg"))

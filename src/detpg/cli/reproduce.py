@@ -1,0 +1,154 @@
+"""`detpg reproduce`: the paper's figures, from nothing to a verdict."""
+
+import dataclasses
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import tyro
+
+from detpg.cli.errors import UserError
+
+if TYPE_CHECKING:
+    from detpg.experiments import Study
+
+
+def _cores() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@dataclasses.dataclass(frozen=True)
+class Reproduce:
+    """Reproduces figures of the paper: sweep, figure, and a report that judges its claims.
+
+    Stopping it and running the same command again continues where it stood. A finished figure is
+    not run again.
+    """
+
+    figures: tyro.conf.Positional[tuple[str, ...]] = ()
+    """Figures to reproduce (see `detpg list`); all of them when none is named."""
+
+    preset: Literal["smoke", "quick", "paper"] = "quick"
+    """How much is run: does it work; every reading of the text; that with 100 further runs."""
+
+    output: Path = Path("reproduction")
+    """Folder to write to; each figure gets a folder of its own in it."""
+
+    seed: int = 0
+    """Of everything random, 0 to 2147483647."""
+
+    workers: int | None = None
+    """Worker processes, at most one for each core (None: one for each); results do not change."""
+
+    fresh: bool = False
+    """Start over: remove what an earlier run of the named figures left in the folder."""
+
+    def run(self) -> None:
+        """Runs the figures one after the other.
+
+        Raises:
+            UserError: A figure, number or folder that cannot be used; nothing was touched.
+        """
+        self._check_numbers()
+        from detpg.experiments import STUDIES
+
+        unknown = [name for name in self.figures if name not in STUDIES]
+        if unknown:
+            known = ", ".join(STUDIES)
+            raise UserError(f"figure {unknown[0]!r} is unknown: choose from {known}.")
+        for name in dict.fromkeys(self.figures or STUDIES):
+            self._reproduce(STUDIES[name])
+
+    def _check_numbers(self) -> None:
+        if not 0 <= self.seed < 2**31:
+            raise UserError(f"--seed {self.seed} cannot be used: give 0 to {2**31 - 1}.")
+        if self.workers is not None and not 1 <= self.workers <= _cores():
+            raise UserError(
+                f"--workers {self.workers} cannot be used: give 1 to {_cores()}, the number of "
+                "cores."
+            )
+
+    def _reproduce(self, study: "Study") -> None:
+        from detpg.executors import WorkerLostError
+        from detpg.experiments.reproduce import Reproduction, run_directory
+        from detpg.figures import draw, missing
+        from detpg.runs import RunDirectoryError
+
+        directory = run_directory(study, self.preset, self.seed, self.output)
+        try:
+            with directory.opened(self.fresh):
+                new = not directory.finished
+                if new:
+                    with _progress(study.name) as progress:
+                        workers = self.workers or _cores()
+                        run = Reproduction(
+                            study, self.preset, self.seed, workers, directory, progress
+                        )
+                        run.run()
+                if new or missing(study.name, directory.path):
+                    draw(study.name, directory.path)
+        except (RunDirectoryError, WorkerLostError) as error:
+            raise UserError(str(error)) from error
+        except OSError as error:
+            raise UserError(f"{directory.path} cannot be written to ({error.strerror}).") from error
+        _announce(study.name, directory.path, new)
+
+
+class _progress:  # noqa: N801  (used like the function that it wraps)
+    """A bar on a terminal; elsewhere a plain line for each tenth of a phase."""
+
+    def __init__(self, figure: str):
+        from rich.console import Console
+        from rich.progress import (
+            BarColumn,
+            MofNCompleteColumn,
+            Progress,
+            TextColumn,
+            TimeElapsedColumn,
+            TimeRemainingColumn,
+        )
+
+        self._console = Console(stderr=True)
+        self._figure = figure
+        self._tasks: dict[str, object] = {}
+        self._bars = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TextColumn("shards"),
+            TimeElapsedColumn(),
+            TimeRemainingColumn(),
+            console=self._console,
+            disable=not self._console.is_terminal,
+        )
+
+    def __enter__(self) -> Callable[[str, int, int], None]:
+        self._bars.start()
+        return self._show
+
+    def __exit__(self, *_: object) -> None:
+        self._bars.stop()
+
+    def _show(self, phase: str, done: int, total: int) -> None:
+        label = f"{self._figure}: {phase}"
+        if not self._console.is_terminal:
+            if done * 10 // total != (done - 1) * 10 // total or done == 0:
+                self._console.print(f"{label} {done}/{total} shards", highlight=False)
+            return
+        if phase not in self._tasks:
+            self._tasks[phase] = self._bars.add_task(label, total=total)
+        self._bars.update(self._tasks[phase], completed=done)  # pyright: ignore[reportArgumentType]
+
+
+def _announce(name: str, path: Path, new: bool) -> None:
+    """Says where things are and how the claims stand."""
+    import json
+    from collections import Counter
+
+    claims = json.loads((path / "summary.json").read_text())["claims"]
+    counts = Counter(claim["verdict"] for claim in claims)
+    verdicts = ", ".join(f"{number} {verdict}" for verdict, number in counts.most_common())
+    print(f"{name}: {'done' if new else 'was already finished (--fresh runs it again)'}")
+    print(f"  figures  {path / (name + '.png')} and beside it")
+    print(f"  claims   {path / 'claims.md'} ({len(claims)}: {verdicts})")

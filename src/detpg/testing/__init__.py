@@ -1,0 +1,16 @@
+"""Conformance: does one's own environment or algorithm keep the protocols of `detpg.types`?
+
+    from detpg.testing import check_algorithm, check_environment
+
+    check_environment(MyEnvironment())
+    check_algorithm(MyAlgorithm.create(MyEnvironment().spec), MyEnvironment())
+
+In: a record. Out: nothing, or an `AssertionError` of one sentence: what was found, what was
+expected, how to mend it. What is checked is what batching a study over seeds and hyper-parameters,
+and resuming it from files, depends on.
+"""
+
+from detpg.testing.algorithm import check_algorithm
+from detpg.testing.environment import check_environment
+
+__all__ = ["check_algorithm", "check_environment"]
