@@ -30,7 +30,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         prog="detpg",
         description="Deterministic policy gradients: the algorithms and experiments of Silver et "
         "al. (2014).",
-        config=(tyro.conf.OmitArgPrefixes, tyro.conf.OmitSubcommandPrefixes),
+        config=(tyro.conf.OmitArgPrefixes, tyro.conf.FlagCreatePairsOff),
     )
     _prepare_jax()
     try:

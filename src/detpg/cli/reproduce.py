@@ -4,7 +4,7 @@ import dataclasses
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
@@ -26,20 +26,26 @@ class Reproduce:
     not run again.
     """
 
-    figures: tyro.conf.Positional[tuple[str, ...]] = ()
-    """Figures to reproduce (see `detpg list`); all of them when none is named."""
+    figures: Annotated[
+        tyro.conf.Positional[tuple[str, ...]],
+        tyro.conf.arg(metavar="[FIGURE ...]", help_behavior_hint="(default: all)"),
+    ] = ()
+    """Figures to reproduce: figure1 (see `detpg list`)."""
 
     preset: Literal["smoke", "quick", "paper"] = "quick"
     """How much is run: does it work; every reading of the text; that with 100 further runs."""
 
-    output: Path = Path("reproduction")
+    output: Annotated[Path, tyro.conf.arg(metavar="DIR")] = Path("reproduction")
     """Folder to write to; each figure gets a folder of its own in it."""
 
-    seed: int = 0
+    seed: Annotated[int, tyro.conf.arg(metavar="N")] = 0
     """Of everything random, 0 to 2147483647."""
 
-    workers: int | None = None
-    """Worker processes, at most one for each core (None: one for each); results do not change."""
+    workers: Annotated[
+        int | None,
+        tyro.conf.arg(metavar="N", help_behavior_hint="(default: one for each core)"),
+    ] = None
+    """Worker processes, at most one for each core; the results do not depend on it."""
 
     fresh: bool = False
     """Start over: remove what an earlier run of the named figures left in the folder."""
