@@ -199,6 +199,4 @@ def _through_file(leaf: Any) -> Any:
     except (TypeError, ValueError) as error:
         found = f"saving {jax.typeof(leaf)} met {type(error).__name__} ({error})"
         mend = "keep numbers that numpy.save knows, and jax.random.key_data instead of a key"
-        raise AssertionError(
-            f"{found}, but a State of plain arrays was expected: {mend}."
-        ) from error
+        raise failure(found, "a State of plain arrays", mend) from error
