@@ -4,13 +4,14 @@ BIN := .venv/bin
 STAMP := .venv/.installed
 export XLA_FLAGS ?= --xla_cpu_multi_thread_eigen=false
 
+.NOTPARALLEL:
 .PHONY: reproduce test setup check lint docs bench lock clean
 
 reproduce: setup
 	$(BIN)/detpg reproduce
 
 test: setup
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n 2 --dist loadfile
 
 setup: $(STAMP)
 
@@ -18,7 +19,7 @@ setup: $(STAMP)
 $(STAMP): requirements.lock pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 	  { echo "detpg needs Python 3.11 or later: make PYTHON=python3.12 setup"; exit 1; }
-	$(PYTHON) -m venv .venv
+	$(PYTHON) -m venv --clear .venv
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
 	@touch $(STAMP)
@@ -34,7 +35,7 @@ lint: setup
 	$(BIN)/python docs/generate.py --check
 
 docs: setup
-	$(BIN)/mkdocs build --quiet --strict --site-dir build/site
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict --site-dir build/site
 
 # make bench ONLY=figure1.sweep
 bench: setup

@@ -87,24 +87,24 @@ def test_the_summary_is_whole(smoke: tuple[Path, str]):
     summary = json.loads((smoke[0] / "figure1" / "summary.json").read_text())
     assert (summary["figure"], summary["preset"], summary["seed"]) == ("figure1", "smoke", 0)
     assert summary["wall_seconds"] > 0
-    assert summary["provenance"]["command"].endswith(f"--output {smoke[0]}")
+    assert summary["provenance"]["command"].endswith(f"--output {smoke[0].name}")
     for claim in summary["claims"]:
         assert claim["verdict"] in VERDICTS
-        assert claim["num_runs"] == 5
+        assert claim["num_runs"] + claim["num_diverged"] <= 10
         low, high = claim["interval"]
         if None not in (low, claim["measured"], high):
             assert low <= claim["measured"] <= high
 
 
-def test_the_theorem_shows(smoke: tuple[Path, str]):
-    """At matched width COPDAC-B ends below REINFORCE's cost by far, in every dimension."""
+def test_the_paper_s_direction_shows(smoke: tuple[Path, str]):
+    """At the same fixed width COPDAC-B ends far below REINFORCE, in every dimension."""
     claims = {
         claim["id"]: claim
         for claim in json.loads((smoke[0] / "figure1" / "summary.json").read_text())["claims"]
     }
     for m in (10, 25, 50):
-        claim = claims[f"fixed-same-sigma/m-{m}/mixed/score-times-q"]
-        assert claim["interval"][0] > 1000
+        claim = claims[f"fixed-both-0.1/m-{m}/mixed/score-times-q"]
+        assert claim["interval"][0] > 100
 
 
 def test_a_finished_study_is_not_run_again(smoke: tuple[Path, str]):

@@ -1,7 +1,7 @@
 import pytest
 from tests.executors.tasks import die, fail, square
 
-from detpg.executors import InProcess, Processes, WorkerLostError
+from detpg.executors import InProcess, Processes, TaskError, WorkerLostError
 
 
 def test_processes_give_what_in_process_gives():
@@ -29,7 +29,10 @@ def test_an_idle_worker_helps_with_the_largest_group():
 
 
 def test_an_error_of_the_work_is_raised_here():
-    with Processes(fail, 1) as executor, pytest.raises(ValueError, match="task 3 is bad"):
+    with (
+        Processes(fail, 1) as executor,
+        pytest.raises(TaskError, match="ValueError: task 3 is bad"),
+    ):
         list(executor.run([3], ["a"]))
 
 

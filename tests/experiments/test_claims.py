@@ -4,8 +4,15 @@ import math
 import numpy as np
 import pytest
 
-from detpg.experiments.claims import Claim, above_one, ratio_of_means, within_factor
+from detpg.experiments.claims import Claim, Ratio, above_one, ratio_of_means, within_factor
 from detpg.experiments.published import published_curve, published_value
+
+
+def ratio_with(bounds, num_runs: int = 5, num_diverged: int = 0) -> Ratio:
+    """A ratio whose resamples are spread evenly so that its interval has these ends."""
+    low, high = bounds
+    resampled = np.repeat([low, high], 500)
+    return Ratio((low + high) / 2, resampled, num_runs, num_diverged)
 
 
 @pytest.mark.parametrize(
@@ -18,11 +25,11 @@ from detpg.experiments.published import published_curve, published_value
         ((2, 20), "inconclusive"),
         ((20, 40), "inconclusive"),
         ((5, math.inf), "inconclusive"),
-        ((31, math.inf), "inconclusive"),
+        ((math.nan, math.nan), "inconclusive"),
     ],
 )
-def test_within_factor_of_ten(bounds, verdict):
-    assert within_factor(10.0, bounds) == verdict
+def test_within_a_factor_of_a_published_ten(bounds, verdict):
+    assert within_factor(10.0, ratio_with(bounds)) == verdict
 
 
 @pytest.mark.parametrize(
@@ -36,7 +43,14 @@ def test_within_factor_of_ten(bounds, verdict):
     ],
 )
 def test_above_one(bounds, verdict):
-    assert above_one(bounds) == verdict
+    assert above_one(ratio_with(bounds)) == verdict
+
+
+def test_many_lost_runs_make_every_verdict_inconclusive():
+    for num_diverged, sure in ((5, True), (6, False)):
+        ratio = ratio_with((5, 20), num_runs=100 - num_diverged, num_diverged=num_diverged)
+        assert (within_factor(10.0, ratio) == "reproduced") == sure
+        assert (above_one(ratio) == "reproduced") == sure
 
 
 def test_ratio_resamples_pairs():
@@ -47,19 +61,30 @@ def test_ratio_resamples_pairs():
     assert ratio.interval == pytest.approx((3, 3))
 
 
-def test_a_diverged_run_makes_the_ratio_infinite_not_silent():
-    ratio = ratio_of_means(np.array([1.0, np.nan, 1.0]), np.ones(3), seed=0)
-    assert math.isinf(ratio.value)
-    assert math.isinf(ratio.interval[1])
-    claim = Claim("i", "s", 2.0, ratio.value, ratio.interval, 3, "r", "inconclusive")
-    assert json.loads(json.dumps(claim.as_json(), allow_nan=False))["measured"] is None
+def test_a_diverged_run_is_left_out_and_counted():
+    ratio = ratio_of_means(np.array([3.0, np.nan, 3.0, 9.0]), np.array([1, 1, 1, np.inf]), seed=0)
+    assert ratio.value == pytest.approx(3)
+    assert (ratio.num_runs, ratio.num_diverged) == (2, 2)
 
 
-@pytest.mark.parametrize(("m", "ratio"), [(10, 1.96), (25, 15.5), (50, 417)])
-def test_published_ratios_at_the_last_point(m: int, ratio: float):
-    """The last plotted points, read off the table of the figure's points by hand."""
-    values = [published_value("figure1", f"m={m}", s, 10_000) for s in ("SAC-B", "COPDAC-B")]
+def test_if_all_diverged_there_is_no_number():
+    ratio = ratio_of_means(np.full(3, np.nan), np.ones(3), seed=0)
+    claim = Claim("i", "s", 2.0, ratio.value, ratio.interval, 0, 3, "r", "inconclusive")
+    record = json.loads(json.dumps(claim.as_json(), allow_nan=False))
+    assert record["measured"] is None
+    assert record["interval"] == [None, None]
+    assert within_factor(2.0, ratio) == above_one(ratio) == "inconclusive"
+
+
+@pytest.mark.parametrize(("m", "ratio"), [(10, 1.2), (25, 16.6), (50, 499)])
+def test_published_ratios_at_the_end(m: int, ratio: float):
+    """Means of the last ten plotted points, by hand from the table of the figure's points."""
+    values = [published_value("figure1", f"m={m}", s, 10_000, 10) for s in ("SAC-B", "COPDAC-B")]
     assert values[0] / values[1] == pytest.approx(ratio, rel=0.01)
+
+
+def test_the_published_point_at_600_steps():
+    assert published_value("figure1", "m=50", "SAC-B", 600) == pytest.approx(70.7, rel=0.01)
 
 
 def test_published_curves_are_whole_or_refused():

@@ -89,6 +89,7 @@ def test_summary_names_both_scores_and_the_claims(finished: Path):
         "measured",
         "interval",
         "num_runs",
+        "num_diverged",
         "reading",
         "verdict",
     }

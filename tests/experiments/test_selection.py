@@ -1,6 +1,6 @@
 import numpy as np
 
-from detpg.experiments.selection import score, select
+from detpg.experiments.selection import lost, score, select
 
 POINTS = {"alpha": np.array([0.1, 0.1, 1.0, 1.0]), "sigma": np.array([1.0, 2.0, 1.0, 2.0])}
 
@@ -15,12 +15,12 @@ def costs() -> np.ndarray:
 
 
 def test_scores_by_hand():
-    np.testing.assert_allclose(score(costs(), "final")[:, 0], [1, 5, np.inf, 4])
-    np.testing.assert_allclose(score(costs(), "mean")[:, 0], [25.5, 5, np.inf, 12])
+    np.testing.assert_allclose(score(costs(), "final", 100.0)[:, 0], [1, 5, np.inf, 4])
+    np.testing.assert_allclose(score(costs(), "mean", 100.0)[:, 0], [25.5, 5, np.inf, 12])
 
 
 def test_rules_pick_different_points():
-    selection = select(costs(), POINTS, ("final", "mean"), "sigma")
+    selection = select(costs(), POINTS, ("final", "mean"), "sigma", 100.0)
     chosen = {choice.role: choice.index for choice in selection.choices}
     assert chosen == {
         "final": 0,
@@ -39,5 +39,10 @@ def test_edges_are_reported_and_a_held_value_is_none():
     for best, edges in ((0, ("alpha",)), (1, ()), (2, ("alpha",))):
         values = np.ones((3, 1, 20))
         values[best] = 0
-        (choice,) = select(values, points, ("final",), None).choices
+        (choice,) = select(values, points, ("final",), None, 100.0).choices
         assert (choice.index, choice.edges) == (best, edges)
+
+
+def test_a_run_is_lost_if_it_is_not_finite_or_ends_too_high():
+    runs = np.array([[1, 500, 1], [1, 1, 101], [np.nan, 1, 1], [1, np.inf, 1], [100, 100, 100]])
+    assert lost(runs, above=100.0).tolist() == [False, True, True, True, False]

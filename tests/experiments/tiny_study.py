@@ -11,8 +11,8 @@ from detpg.experiments.study import Arm, Condition, Preset, Results, Study
 def judge(results: Results) -> list[Claim]:
     costs = [results.runs(results.study.conditions[0], arm, "final")[:, -1] for arm in ("s", "d")]
     ratio = ratio_of_means(*costs, seed=0)
-    verdict = above_one(ratio.interval)
-    return [Claim("r", "s costs more", None, ratio.value, ratio.interval, 3, "all", verdict)]
+    verdict = above_one(ratio)
+    return [Claim("r", "s costs more", None, ratio.value, ratio.interval, 3, 0, "all", verdict)]
 
 
 STUDY = Study(
@@ -39,6 +39,7 @@ STUDY = Study(
     steps=1200,
     record_every=12,
     metric="cost of the mean",
+    lost_above=1000.0,
     rules=("final", "mean"),
     presets={"all": Preset((), 4, fresh_seeds=3, interval_seeds=5, shard=(3, 2))},
     judge=judge,

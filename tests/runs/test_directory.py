@@ -74,6 +74,33 @@ def test_a_folder_that_is_not_ours_is_refused(tmp_path: Path, fresh: bool):
     assert contents(tmp_path) == {"thesis.tex": b"years of work"}
 
 
+@pytest.mark.parametrize("config", ['{"model": "bert"}', "[1, 2]"])
+def test_somebody_elses_config_is_refused_also_with_fresh(tmp_path: Path, config: str):
+    (tmp_path / "config.json").write_text(config)
+    (tmp_path / "weights.bin").write_bytes(b"dear")
+    before = contents(tmp_path)
+    for fresh in (False, True):
+        with refused("not a run of detpg"):
+            enter(RunDirectory(tmp_path, CONFIG), fresh)
+    assert contents(tmp_path) == before
+
+
+def test_what_a_killed_process_left_half_written_is_removed(tmp_path: Path):
+    (tmp_path / ".config.json.123.part").write_text("{")
+    run = enter(RunDirectory(tmp_path, CONFIG))
+    (tmp_path / ".sweep.parquet.123.part").write_text("PAR1")
+    enter(run)
+    assert sorted(contents(tmp_path)) == ["config.json"]
+
+
+def test_a_run_killed_while_it_finished_is_tidied(tmp_path: Path):
+    run = enter(RunDirectory(tmp_path, CONFIG))
+    run.save_shard("s", np.zeros(1))
+    (tmp_path / "summary.json").write_text("{}")
+    enter(run)
+    assert sorted(contents(tmp_path)) == ["config.json", "summary.json"]
+
+
 def test_a_file_in_the_way_is_refused(tmp_path: Path):
     (tmp_path / "run").write_text("")
     with refused("not a directory"):

@@ -13,15 +13,7 @@ from detpg.critics.regression import linear_regression
 from detpg.features.compatible import score
 from detpg.policies.constant import ConstantPolicy
 from detpg.policies.gaussian import GaussianParameters, IsotropicGaussian
-from detpg.types import (
-    Action,
-    EnvironmentSpec,
-    Number,
-    Observation,
-    Transition,
-    check_hyper,
-    hyper,
-)
+from detpg.types import Action, EnvironmentSpec, Number, Observation, Transition, check_hyper, hyper
 
 Actor = Literal["score-times-q", "score-times-advantage"]
 ACTORS: tuple[Actor, ...] = ("score-times-q", "score-times-advantage")
@@ -97,7 +89,6 @@ class BanditStochasticAC(eqx.Module):
         self, key: PRNGKeyArray, state: BanditStochasticACState, transition: Transition
     ) -> tuple[BanditStochasticACState, BanditStochasticACInfo]:
         theta, y = state.parameters.theta, state.parameters.y
-
         # phi(a) = grad log pi_{theta,y}(a), for each a of the batch and each adapted parameter
         phi = jax.vmap(self._score, in_axes=(None, 0, 0))(
             state.parameters, transition.observation, transition.action
@@ -122,9 +113,8 @@ class BanditStochasticAC(eqx.Module):
         self, parameters: GaussianParameters, observation: Observation, action: Action
     ) -> dict[str, PyTree]:
         gradient = score(self.policy, parameters, observation, action)
-        if self.fixed_variance:
-            return {"theta": gradient.theta}
-        return {"theta": gradient.theta, "y": gradient.y}
+        adapted = {"theta": gradient.theta}
+        return adapted if self.fixed_variance else adapted | {"y": gradient.y}
 
     def greedy(self, state: BanditStochasticACState, observation: Observation) -> Action:
         return self.policy(state.parameters, observation)

@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     from detpg.experiments import Study
 
 
-def _cores() -> int:
+def cores() -> int:
+    """Cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
@@ -69,9 +70,9 @@ class Reproduce:
     def _check_numbers(self) -> None:
         if not 0 <= self.seed < 2**31:
             raise UserError(f"--seed {self.seed} cannot be used: give 0 to {2**31 - 1}.")
-        if self.workers is not None and not 1 <= self.workers <= _cores():
+        if self.workers is not None and not 1 <= self.workers <= cores():
             raise UserError(
-                f"--workers {self.workers} cannot be used: give 1 to {_cores()}, the number of "
+                f"--workers {self.workers} cannot be used: give 1 to {cores()}, the number of "
                 "cores."
             )
 
@@ -87,7 +88,7 @@ class Reproduce:
                 new = not directory.finished
                 if new:
                     with _progress(study.name) as progress:
-                        workers = self.workers or _cores()
+                        workers = self.workers or cores()
                         run = Reproduction(
                             study, self.preset, self.seed, workers, directory, progress
                         )

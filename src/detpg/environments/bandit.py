@@ -37,8 +37,8 @@ class QuadraticBandit(eqx.Module):
     **What the paper says, what we chose.** C is positive definite with eigenvalues from {0.1, 1},
     `a* = [4, ..., 4]`. The number of each eigenvalue and the eigenvectors are not said. `mixed`
     (the default) takes floor(m/2) eigenvalues 0.1 and the rest 1, rotated by a random orthogonal
-    matrix (uniform over rotations and reflections); `isotropic` takes C = 0.1 I, the one reading found
-    that fits the published curve for m = 50.
+    matrix (uniform over rotations and reflections); `isotropic` takes C = 0.1 I, the one reading
+    found that fits the published curve for m = 50.
 
     **Version history.** 0: first version.
 

@@ -18,15 +18,12 @@ def bootstrap_means(
         num_resamples: How many.
 
     Returns:
-        Shape (..., resamples). Not finite where a run that was drawn is not.
+        Shape (..., resamples).
     """
     num_runs = values.shape[-1]
     generator = np.random.default_rng(seed)
     counts = generator.multinomial(num_runs, np.full(num_runs, 1 / num_runs), num_resamples)
-    finite = np.isfinite(values)
-    means = np.where(finite, values, 0.0) @ counts.T / num_runs
-    lost = ~finite @ counts.T.astype(bool)
-    return np.where(lost, np.inf, means)
+    return values @ counts.T / num_runs
 
 
 def interval(resampled: np.ndarray) -> tuple[float, float]:

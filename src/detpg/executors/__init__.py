@@ -5,6 +5,6 @@ Next: `detpg.experiments` stores them. A result depends on its task alone, never
 """
 
 from detpg.executors.in_process import InProcess
-from detpg.executors.processes import Processes, WorkerLostError
+from detpg.executors.processes import Processes, TaskError, WorkerLostError
 
-__all__ = ["InProcess", "Processes", "WorkerLostError"]
+__all__ = ["InProcess", "Processes", "TaskError", "WorkerLostError"]

@@ -6,6 +6,7 @@ thread pool can wait for itself for ever on batched CPU programs (docs/decisions
 
 import multiprocessing
 import signal
+import traceback
 from collections.abc import Callable, Hashable, Iterator, Sequence
 from multiprocessing.connection import Connection, wait
 from types import TracebackType
@@ -16,18 +17,21 @@ class WorkerLostError(RuntimeError):
     """A worker process ended before its task did."""
 
 
+class TaskError(RuntimeError):
+    """The work itself failed in a worker; carries the worker's traceback as text."""
+
+
 def _serve(work: Callable[[Any], Any], connection: Connection) -> None:
     """Answers tasks until the parent closes its end, or dies: then this process ends too."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the parent's to handle
     try:
         while True:
             task = connection.recv()
             try:
                 answer = work(task), None
-            except Exception as error:  # whatever it is, the parent raises it
-                answer = None, error
+            except Exception:  # whatever it is: the parent raises it, as text it always travels
+                answer = None, traceback.format_exc()
             connection.send(answer)
-    except (EOFError, BrokenPipeError, ConnectionResetError):
+    except (EOFError, OSError):
         return
 
 
@@ -49,13 +53,18 @@ class Processes:
         self._owner: dict[Hashable, int] = {}
         self._connections: list[Connection] = []
         self._processes = []
-        for _ in range(workers):
-            here, there = context.Pipe()
-            process = context.Process(target=_serve, args=(work, there), daemon=True)
-            process.start()
-            there.close()
-            self._connections.append(here)
-            self._processes.append(process)
+        # Ctrl-C is the parent's to handle: workers inherit that it is ignored.
+        handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
+        try:
+            for _ in range(workers):
+                here, there = context.Pipe()
+                process = context.Process(target=_serve, args=(work, there), daemon=True)
+                process.start()
+                there.close()
+                self._connections.append(here)
+                self._processes.append(process)
+        finally:
+            signal.signal(signal.SIGINT, handler)
 
     def run(self, tasks: Sequence[Any], groups: Sequence[Hashable]) -> Iterator[tuple[int, Any]]:
         """Yields (index, work(task)) as tasks finish, in any order.
@@ -66,6 +75,7 @@ class Processes:
 
         Raises:
             WorkerLostError: A worker was killed, for instance because memory ran out.
+            TaskError: The work failed.
         """
         waiting: dict[Hashable, list[int]] = {}
         for index, group in enumerate(groups):
@@ -84,8 +94,8 @@ class Processes:
             for connection in wait(list(busy)):
                 assert isinstance(connection, Connection)
                 index, result = busy.pop(connection), _receive(connection)
-                hand_out(connection)
                 yield index, result
+                hand_out(connection)
 
     def _next(self, waiting: dict[Hashable, list[int]], worker: int) -> int | None:
         if not waiting:
@@ -107,7 +117,7 @@ class Processes:
         self,
         kind: type[BaseException] | None,
         error: BaseException | None,
-        traceback: TracebackType | None,
+        where: TracebackType | None,
     ) -> None:
         for process in self._processes:
             process.terminate()
@@ -122,15 +132,15 @@ _LOST = (
 def _send(connection: Connection, task: Any) -> None:
     try:
         connection.send(task)
-    except (BrokenPipeError, ConnectionResetError):
+    except OSError:
         raise WorkerLostError(_LOST) from None
 
 
 def _receive(connection: Connection) -> Any:
     try:
         result, error = connection.recv()
-    except (EOFError, ConnectionResetError):
+    except (EOFError, OSError):
         raise WorkerLostError(_LOST) from None
     if error is not None:
-        raise error
+        raise TaskError(error)
     return result

@@ -6,10 +6,11 @@ from typing import Any, Literal
 
 import numpy as np
 
-from detpg.evaluation.intervals import bootstrap_means, interval
+from detpg.evaluation.intervals import NUM_RESAMPLES, bootstrap_means, interval
 
 Verdict = Literal["reproduced", "not reproduced", "inconclusive"]
 WITHIN = 3.0
+MAX_LOST = 0.05
 
 
 @dataclasses.dataclass(frozen=True)
@@ -20,9 +21,10 @@ class Claim:
         id: Stable name, slash-separated.
         statement: The claim in our words.
         published: The paper's number; None where it gives none.
-        measured: Ours; infinite where a run diverged.
+        measured: Ours, over the runs that stayed finite.
         interval: 95% interval of ours over runs.
         num_runs: Independent runs behind each mean.
+        num_diverged: Runs left out because they diverged.
         reading: Which reading of the paper's text was run.
         verdict: By the rule of `within_factor` or `above_one`.
     """
@@ -33,6 +35,7 @@ class Claim:
     measured: float
     interval: tuple[float, float]
     num_runs: int
+    num_diverged: int
     reading: str
     verdict: Verdict
 
@@ -48,10 +51,10 @@ def _finite_or_none(number: float) -> float | None:
     return number if math.isfinite(number) else None
 
 
-def within_factor(published: float, bounds: tuple[float, float]) -> Verdict:
+def within_factor(published: float, ours: "Ratio") -> Verdict:
     """Reproduced if the whole interval lies within a factor 3 of the published number."""
-    low, high = bounds
-    if not (math.isfinite(low) and math.isfinite(high)):
+    low, high = ours.interval
+    if not ours.reliable:
         return "inconclusive"
     if published / WITHIN <= low and high <= published * WITHIN:
         return "reproduced"
@@ -60,10 +63,10 @@ def within_factor(published: float, bounds: tuple[float, float]) -> Verdict:
     return "inconclusive"
 
 
-def above_one(bounds: tuple[float, float]) -> Verdict:
+def above_one(ours: "Ratio") -> Verdict:
     """Reproduced if the whole interval of a ratio lies above 1, not so if it lies below."""
-    low, high = bounds
-    if math.isnan(low) or math.isnan(high):
+    low, high = ours.interval
+    if not ours.reliable:
         return "inconclusive"
     return "reproduced" if low > 1 else "not reproduced" if high < 1 else "inconclusive"
 
@@ -73,28 +76,42 @@ class Ratio:
     """A ratio of mean costs over runs on the same seeds.
 
     Attributes:
-        value: Ratio of the means.
+        value: Ratio of the means; NaN where no pair of runs stayed finite.
         resampled: The same of resampled runs, shape (resamples,).
+        num_runs: Pairs of runs behind it.
+        num_diverged: Pairs left out, because a run of theirs diverged.
     """
 
     value: float
     resampled: np.ndarray
+    num_runs: int
+    num_diverged: int
 
     @property
     def interval(self) -> tuple[float, float]:
         return interval(self.resampled)
 
+    @property
+    def reliable(self) -> bool:
+        """Whether so few runs were left out that the rest speak for all."""
+        return self.num_diverged <= MAX_LOST * (self.num_runs + self.num_diverged)
+
 
 def ratio_of_means(numerator: np.ndarray, denominator: np.ndarray, seed: int) -> Ratio:
     """Mean of one over mean of the other, resampled in pairs.
 
+    A run that diverged has no place in a mean: its pair is left out and counted.
+
     Args:
-        numerator: Costs, one for each run.
+        numerator: Costs, one for each run; NaN where the run diverged.
         denominator: Costs of the runs on the same seeds.
         seed: Of the resampling.
     """
     both = np.stack([numerator, denominator]).astype(np.float64)
-    above, below = bootstrap_means(both, seed)
-    with np.errstate(all="ignore"):
-        means = np.where(np.isfinite(both), both, np.inf).mean(axis=1)
-        return Ratio(value=float(means[0] / means[1]), resampled=above / below)
+    kept = both[:, np.all(np.isfinite(both), axis=0)]
+    num_runs, num_diverged = kept.shape[1], both.shape[1] - kept.shape[1]
+    if num_runs == 0:
+        return Ratio(math.nan, np.full(NUM_RESAMPLES, math.nan), 0, num_diverged)
+    above, below = bootstrap_means(kept, seed)
+    value = float(kept[0].mean() / kept[1].mean())
+    return Ratio(value, above / below, num_runs, num_diverged)

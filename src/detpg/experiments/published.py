@@ -30,7 +30,16 @@ def published_curve(figure: str, panel: str, series: str) -> tuple[np.ndarray, n
     return np.array([float(r["x"]) for r in rows]), np.array([float(r["y"]) for r in rows])
 
 
-def published_value(figure: str, panel: str, series: str, x: float) -> float:
-    """The plotted point nearest to x."""
+def published_value(figure: str, panel: str, series: str, x: float, num_points: int = 1) -> float:
+    """Mean of the last plotted points up to x, which itself may be rounded by a step.
+
+    Args:
+        figure: "figure1".
+        panel: "m=10" and the like.
+        series: Label in the paper's legend.
+        x: Environment steps.
+        num_points: How many points.
+    """
     at, values = published_curve(figure, panel, series)
-    return float(values[np.argmin(np.abs(at - x))])
+    last = int(np.argmin(np.abs(at - x)))
+    return float(values[last - num_points + 1 : last + 1].mean())

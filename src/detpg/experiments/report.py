@@ -4,7 +4,7 @@ import itertools
 import math
 from typing import Any
 
-from detpg.experiments.claims import WITHIN, Claim
+from detpg.experiments.claims import MAX_LOST, WITHIN, Claim
 from detpg.experiments.study import Study
 
 
@@ -33,7 +33,10 @@ def claims_page(
         "A claim with a published number is *reproduced* if the whole 95% interval of ours lies "
         f"within a factor {WITHIN:g} of it, and *not reproduced* if the whole interval lies "
         "outside; a claim about a direction if the interval lies above or below 1; otherwise it "
-        "is *inconclusive*. Intervals are percentile bootstraps over runs.",
+        "is *inconclusive*. Intervals are percentile bootstraps over runs; runs "
+        "that diverged are left out of the means and counted, and with more than "
+        f"{MAX_LOST:.0%} of them the verdict is inconclusive. Costs at 10,000 steps are "
+        "means of the last ten recordings, ours and the published ones.",
         "",
     ]
     body = []
@@ -46,7 +49,7 @@ def _table(claims: list[Claim]) -> list[str]:
     rows = [
         f"| {c.statement} | {'-' if c.published is None else number(c.published)} | "
         f"{number(c.measured)} | {number(c.interval[0])} to {number(c.interval[1])} | "
-        f"{c.num_runs} | **{c.verdict}** |"
+        f"{_runs(c)} | **{c.verdict}** |"
         for c in claims
     ]
     return [
@@ -54,6 +57,11 @@ def _table(claims: list[Claim]) -> list[str]:
         "| --- | --- | --- | --- | --- | --- |",
         *rows,
     ]
+
+
+def _runs(claim: Claim) -> str:
+    diverged = f" ({claim.num_diverged} diverged)" if claim.num_diverged else ""
+    return f"{claim.num_runs}{diverged}"
 
 
 def _selected_table(selected: list[dict[str, Any]]) -> list[str]:

@@ -48,12 +48,13 @@ class Reproduction:
         """Runs what is missing, then writes the tables and, last, the summary."""
         cells = [(c, arm) for c in self.study.conditions for arm in self.study.arms_of(self.preset)]
         grids = {arm.name: arm.points(self.study.presets[self.preset].thin) for _, arm in cells}
+        above = self.study.lost_above
         executor = InProcess(run_shard) if self.workers == 1 else Processes(run_shard, self.workers)
         with executor:
             sweep = self._phase(executor, "sweep", {(c, arm): grids[arm.name] for c, arm in cells})
             selections = {
                 (c, arm.name): select(
-                    sweep[c, arm.name], grids[arm.name], self.study.rules, arm.profile
+                    sweep[c, arm.name], grids[arm.name], self.study.rules, arm.profile, above
                 )
                 for c, arm in cells
             }
@@ -153,7 +154,8 @@ def _selected(results: Results, condition: Condition, arm: str) -> Iterator[dict
     selection = results.selections[condition, arm]
     for rule in results.study.rules:
         best = selection.choices[selection.row(rule)]
-        fresh = score(results.runs(condition, arm, rule), rule)
+        fresh = score(results.runs(condition, arm, rule), rule, results.study.lost_above)
+        kept = fresh[np.isfinite(fresh)]
         grid = results.points[arm]
         yield {
             **dict(condition.options),
@@ -162,11 +164,11 @@ def _selected(results: Results, condition: Condition, arm: str) -> Iterator[dict
             "point": {name: float(values[best.index]) for name, values in grid.items()},
             "on_edge": list(best.edges),
             "sweep_score": _number(best.score),
-            "fresh_score": _number(float(fresh.mean())),
+            "fresh_score": float(kept.mean()) if kept.size else None,
             "sweep_runs": selection.num_runs,
             "sweep_runs_diverged": selection.num_diverged,
             "fresh_runs": fresh.size,
-            "fresh_runs_diverged": int(np.sum(~np.isfinite(fresh))),
+            "fresh_runs_diverged": fresh.size - kept.size,
         }
 
 

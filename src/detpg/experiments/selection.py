@@ -35,7 +35,7 @@ class Selection:
 
     Attributes:
         choices: One for each role.
-        num_diverged: Runs of the sweep, over all points, with a number that is not finite.
+        num_diverged: Runs of the sweep, over all points, that diverged.
         num_runs: Runs of the sweep.
     """
 
@@ -52,18 +52,29 @@ class Selection:
         return [choice.role for choice in self.choices].index(role)
 
 
-def score(costs: np.ndarray, rule: Rule) -> np.ndarray:
-    """One number per run, lower is better; infinite for a run that is not finite throughout.
+def lost(costs: np.ndarray, above: float) -> np.ndarray:
+    """Whether each run has diverged: a number that is not finite, or an end above `above`.
+
+    Args:
+        costs: Shape (..., time).
+        above: A cost that no start has; see `Study.lost_above`.
+    """
+    return ~np.isfinite(costs).all(axis=-1) | ~(costs[..., -1] <= above)
+
+
+def score(costs: np.ndarray, rule: Rule, above: float) -> np.ndarray:
+    """One number per run, lower is better; infinite for a run that has diverged.
 
     Args:
         costs: Shape (..., time).
         rule: "final": mean of the last ten recordings. "mean": mean of all, which is the area
             under the curve.
+        above: See `lost`.
     """
-    finite = np.isfinite(costs).all(axis=-1)
     kept = costs[..., -FINAL_POINTS:] if rule == "final" else costs
     with np.errstate(all="ignore"):
-        return np.where(finite, np.mean(kept, axis=-1, dtype=np.float64), np.inf)
+        means = np.mean(kept, axis=-1, dtype=np.float64)
+    return np.where(lost(costs, above), np.inf, means)
 
 
 def select(
@@ -71,6 +82,7 @@ def select(
     points: dict[str, np.ndarray],
     rules: tuple[Rule, ...],
     profile: str | None,
+    above: float,
 ) -> Selection:
     """The best point by each rule, over the whole grid and at each value of `profile`.
 
@@ -79,11 +91,12 @@ def select(
         points: Hyper-parameter -> value at each point.
         rules: See `score`.
         profile: Hyper-parameter to hold, or None.
+        above: See `lost`.
     """
     everywhere = np.arange(len(costs))
     choices = []
     for rule in rules:
-        scores = score(costs, rule).mean(axis=-1)
+        scores = score(costs, rule, above).mean(axis=-1)
         choices.append(_choose(rule, rule, scores, points, everywhere))
         if profile is None:
             continue
@@ -93,7 +106,7 @@ def select(
             choices.append(_choose(role, rule, scores, points, held))
     return Selection(
         choices=tuple(choices),
-        num_diverged=int(np.sum(~np.isfinite(costs).all(axis=-1))),
+        num_diverged=int(np.sum(lost(costs, above))),
         num_runs=costs.shape[0] * costs.shape[1],
     )
 

@@ -125,6 +125,7 @@ class Study:
         steps: Environment steps of a run.
         record_every: Steps between recordings of the metric.
         metric: What is recorded, in words, with its unit.
+        lost_above: A metric that no run starts with: one that ends above it has diverged.
         rules: What "best performing" may mean: each picks its own points.
         presets: Name -> how much is run.
         judge: From results to claims.
@@ -139,6 +140,7 @@ class Study:
     steps: int
     record_every: int
     metric: str
+    lost_above: float
     rules: tuple[Rule, ...]
     presets: dict[str, Preset]
     judge: Callable[[Results], list[Claim]]

@@ -170,7 +170,12 @@ def _program(
             return -greedy_return(learner, environment, evaluation_key, state)
 
         _, log = train(learner, environment, train_key, steps, probe=cost_of_mean)
-        every = record_every // (learner.batch_size or 1)
+        every, rest = divmod(record_every, learner.batch_size or 1)
+        if rest:
+            raise ValueError(
+                f"record_every = {record_every} is not usable: give a multiple of "
+                f"{learner.batch_size}, the steps of one update."
+            )
         return log.probe[every - 1 :: every]
 
     over_seeds = jax.vmap(one, in_axes=(None, 0, 0))

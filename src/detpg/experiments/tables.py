@@ -13,7 +13,7 @@ import numpy as np
 import pyarrow as pa
 
 from detpg.evaluation.intervals import bootstrap_means
-from detpg.experiments.selection import Rule, score
+from detpg.experiments.selection import lost, score
 from detpg.experiments.study import Arm, Condition, Phase, Results, Study
 from detpg.runs import TableWriter
 
@@ -46,7 +46,7 @@ def write_tables(results: Results, sweep: Cells, directory: Path) -> None:
         for (condition, name), values in sweep.items():
             axes = _axes(results, condition, arms[name], "sweep", values.shape, range(len(values)))
             table.block(axes, {"cost": values, "finite": np.isfinite(values)})
-            scores.block(axes, _scores(values, study.rules))
+            scores.block(axes, _scores(values, study))
     roles = {"role": pa.string()}
     with (
         TableWriter(directory / "curves.parquet", _schema(study, roles | runs)) as table,
@@ -58,27 +58,28 @@ def write_tables(results: Results, sweep: Cells, directory: Path) -> None:
             axes = _axes(results, condition, arms[name], phase, values.shape, points)
             axes["role"] = (0, [choice.role for choice in choices])
             table.block(axes, {"cost": values, "finite": np.isfinite(values)})
-            bands.block(axes | {"step": (1, study.times.tolist())}, _bands(values))
+            bands.block(axes | {"step": (1, study.times.tolist())}, _bands(values, study))
 
 
-def _scores(values: np.ndarray, rules: tuple[Rule, ...]) -> dict[str, np.ndarray]:
+def _scores(values: np.ndarray, study: Study) -> dict[str, np.ndarray]:
     """One row per point: mean score over seeds by each rule, and how many runs diverged."""
-    scores = {f"{rule}_cost": score(values, rule).mean(axis=1) for rule in rules}
-    diverged = np.sum(~np.isfinite(values).all(axis=-1), axis=1)
+    above = study.lost_above
+    scores = {f"{rule}_cost": score(values, rule, above).mean(axis=1) for rule in study.rules}
+    diverged = np.sum(lost(values, above), axis=1)
     return {**scores, "num_runs": np.full(len(values), values.shape[1]), "num_diverged": diverged}
 
 
-def _bands(values: np.ndarray) -> dict[str, np.ndarray]:
-    """Mean over the runs that stayed finite and its 95% interval, shape (roles, time)."""
+def _bands(values: np.ndarray, study: Study) -> dict[str, np.ndarray]:
+    """Mean over the runs that did not diverge and its 95% interval, shape (roles, time)."""
     num_roles, num_runs, num_times = values.shape
-    finite = np.all(np.isfinite(values), axis=-1, keepdims=True)[..., 0]
+    kept = ~lost(values, study.lost_above)
     bands = {name: np.full((num_roles, num_times), np.nan) for name in ("mean", "low", "high")}
-    for role in np.flatnonzero(np.any(finite, axis=1)):
-        kept = values[role, finite[role]].T.astype(np.float64)
-        means = bootstrap_means(kept, seed=0, num_resamples=BAND_RESAMPLES)
-        bands["mean"][role] = kept.mean(axis=-1)
+    for role in np.flatnonzero(kept.any(axis=1)):
+        runs = values[role, kept[role]].T.astype(np.float64)
+        means = bootstrap_means(runs, seed=0, num_resamples=BAND_RESAMPLES)
+        bands["mean"][role] = runs.mean(axis=-1)
         bands["low"][role], bands["high"][role] = np.percentile(means, [2.5, 97.5], axis=-1)
-    diverged = np.repeat(np.sum(~finite, axis=1)[:, None], num_times, axis=1)
+    diverged = np.repeat(np.sum(~kept, axis=1)[:, None], num_times, axis=1)
     return {**bands, "num_runs": np.full_like(diverged, num_runs), "num_diverged": diverged}
 
 

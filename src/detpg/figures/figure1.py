@@ -38,7 +38,7 @@ LINES: tuple[tuple[str, str, str, dict[str, Any]], ...] = (
         COPDAC,
         f" {PUBLISHED_WIDTH}",
         "COPDAC-B, σ = 0.1",
-        {"color": "#4292c6", "linestyle": "-", "linewidth": 1.1},
+        {"color": "#4292c6", "linestyle": (0, (1, 1)), "linewidth": 1.5},
     ),
     (
         adapted(ACTORS[0]),
@@ -127,7 +127,7 @@ def _panel(axis: Axes, bands: pl.DataFrame, m: int, spectrum: str, rule: str) ->
             _curve(axis, rows, label, line)
             diverged, num_runs = rows["num_diverged"][0], rows["num_runs"][0]
             lost += [f"{label}: {diverged} of {num_runs} runs diverged"] if diverged else []
-    axis.set(xscale="log", yscale="log", xlim=(100, 10_000), ylim=(1e-8, 2e3))
+    axis.set(xscale="log", yscale="log", xlim=(100, 10_000), ylim=(1e-9, 2e3))
     axis.annotate("\n".join(lost), (0.03, 0.03), xycoords="axes fraction", fontsize=7)
 
 

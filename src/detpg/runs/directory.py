@@ -12,7 +12,10 @@ from typing import IO, Any
 
 import numpy as np
 
+import detpg
+
 CONFIG, SUMMARY, SHARDS, LOCK = "config.json", "summary.json", "shards", ".lock"
+MARK = "detpg"  # with the version: says that a directory is ours, and whose numbers these are
 
 
 class RunDirectoryError(Exception):
@@ -49,7 +52,7 @@ class RunDirectory:
     def __init__(self, path: Path, config: dict[str, Any]):
         """Names a directory and the configuration it must hold; touches nothing."""
         self.path = path
-        self.config = config
+        self.config = {MARK: detpg.__version__, **config}
 
     @property
     def finished(self) -> bool:
@@ -67,29 +70,50 @@ class RunDirectory:
             RunDirectoryError: It holds another configuration or something else, it is in use, or
                 it cannot be written to. Nothing in it was changed.
         """
-        found = self._found_config()
-        if found is not None and found != self.config and not fresh:
-            keys = sorted({*found, *self.config})
-            different = [key for key in keys if found.get(key) != self.config.get(key)]
-            raise RunDirectoryError(
-                f"{self.path} holds a run with another configuration (different: "
-                f"{', '.join(different)}): choose another --output, or start over with --fresh."
-            )
+        self._check_ours(fresh)
         with contextlib.ExitStack() as held:
             try:
                 self.path.mkdir(parents=True, exist_ok=True)
                 held.enter_context(self._locked())
-                if found is not None and fresh:
-                    self._clear()
-                if found is None or fresh:
-                    write_json(self.path / CONFIG, self.config)
-                if not self.finished:
-                    (self.path / SHARDS).mkdir(exist_ok=True)
+                self._check_ours(fresh)  # again, now that nobody else can change it
+                self._prepare(fresh)
             except OSError as error:
                 raise RunDirectoryError(
                     f"{self.path} cannot be written to ({error.strerror}): choose another --output."
                 ) from error
             yield
+
+    def _check_ours(self, fresh: bool) -> None:
+        found = self._found_config()
+        if found is None or found == self.config or fresh:
+            return
+        keys = sorted({*found, *self.config})
+        different = [key for key in keys if found.get(key) != self.config.get(key)]
+        raise RunDirectoryError(
+            f"{self.path} holds a run with another configuration (different: "
+            f"{', '.join(different)}): choose another --output, or start over with --fresh."
+        )
+
+    def _prepare(self, fresh: bool) -> None:
+        """Removes what a killed process or, if told to, an earlier run left; makes what is missing.
+
+        The summary goes first and the configuration last, so that a process killed in between
+        leaves a directory that is neither finished nor somebody else's.
+        """
+        for partial in self.path.glob(".*.part"):
+            partial.unlink()
+        if fresh:
+            (self.path / SUMMARY).unlink(missing_ok=True)
+            shutil.rmtree(self.path / SHARDS, ignore_errors=True)
+            for entry in self.path.iterdir():
+                if entry.name not in (CONFIG, LOCK):
+                    entry.unlink()
+        if fresh or not (self.path / CONFIG).exists():
+            write_json(self.path / CONFIG, self.config)
+        if self.finished:
+            shutil.rmtree(self.path / SHARDS, ignore_errors=True)
+        else:
+            (self.path / SHARDS).mkdir(exist_ok=True)
 
     @contextlib.contextmanager
     def _locked(self) -> Iterator[None]:
@@ -101,26 +125,18 @@ class RunDirectory:
                     f"{self.path} is in use by another process: wait for it, or choose another "
                     "--output."
                 ) from None
-            yield
-            (self.path / LOCK).unlink(missing_ok=True)
-
-    def _clear(self) -> None:
-        for entry in self.path.iterdir():
-            if entry.is_dir():
-                shutil.rmtree(entry)
-            elif entry.name != LOCK:
-                entry.unlink()
+            try:
+                yield
+            finally:
+                (self.path / LOCK).unlink(missing_ok=True)
 
     def _found_config(self) -> dict[str, Any] | None:
         """The configuration that stands here; None where there is nothing of ours or anyone's."""
         try:
-            return json.loads((self.path / CONFIG).read_text())
+            found = json.loads((self.path / CONFIG).read_text())
         except FileNotFoundError:
-            if self.path.is_dir() and any(entry.name != LOCK for entry in self.path.iterdir()):
-                raise RunDirectoryError(
-                    f"{self.path} holds files but no {CONFIG}: it is not a run of detpg; choose "
-                    "another --output."
-                ) from None
+            if self.path.is_dir() and any(entry.name[0] != "." for entry in self.path.iterdir()):
+                raise RunDirectoryError(self._not_ours()) from None
             return None
         except NotADirectoryError:
             raise RunDirectoryError(
@@ -130,6 +146,12 @@ class RunDirectory:
             raise RunDirectoryError(
                 f"{self.path / CONFIG} cannot be read ({error}): choose another --output."
             ) from error
+        if not isinstance(found, dict) or MARK not in found:
+            raise RunDirectoryError(self._not_ours())
+        return found
+
+    def _not_ours(self) -> str:
+        return f"{self.path} holds files that are not a run of detpg: choose another --output."
 
     def shard(self, name: str) -> np.ndarray | None:
         """A finished shard; None if it is absent or damaged, and so has to run (again)."""

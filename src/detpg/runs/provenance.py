@@ -17,7 +17,8 @@ def provenance(config: dict[str, Any]) -> dict[str, Any]:
     Args:
         config: The resolved configuration of the run.
     """
-    command = " ".join([Path(sys.argv[0]).name, *sys.argv[1:]])
+    words = [Path(word).name if Path(word).is_absolute() else word for word in sys.argv]
+    command = " ".join([Path(words[0]).name, *words[1:]])
     return {
         "command": command,
         "config": config,
@@ -39,10 +40,11 @@ def _git() -> dict[str, Any] | None:
     """Commit and dirty flag of the source tree; None where detpg is not in a checkout."""
 
     def git(*arguments: str) -> str:
-        call = ["git", "-C", str(Path(__file__).parent), *arguments]
+        call = ["git", "-C", str(Path(__file__).parents[1]), *arguments]
         return subprocess.run(call, capture_output=True, text=True, check=True).stdout.strip()
 
     try:
-        return {"commit": git("rev-parse", "HEAD"), "dirty": bool(git("status", "--porcelain"))}
+        changed = git("status", "--porcelain", ".")  # the sources, not what a run writes
+        return {"commit": git("rev-parse", "HEAD"), "dirty": bool(changed)}
     except (OSError, subprocess.CalledProcessError):
         return None

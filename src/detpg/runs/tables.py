@@ -52,6 +52,8 @@ class TableWriter:
     ) -> None:
         self._writer.close()
         if kind is None:
+            with self._partial.open("rb") as file:
+                os.fsync(file.fileno())
             self._partial.replace(self.path)
         else:
             self._partial.unlink(missing_ok=True)

@@ -58,8 +58,8 @@ def check_algorithm(algorithm: Any, environment: Any, key: PRNGKeyArray | None =
     check_kept("update", "init", "update", first, key)
     check_same("a second call with the same key", first(key), seen, PURE)
     check_close("under jax.jit", jax.jit(first)(key), seen)
-    _check_runs(algorithm, environment, key)
     check_pure(algorithm, before)
+    _check_runs(algorithm, environment, key)
 
 
 def _check_description(algorithm: Algorithm) -> None:
@@ -197,6 +197,8 @@ def _through_file(leaf: Any) -> Any:
         file.seek(0)
         return jnp.asarray(np.load(file, allow_pickle=False))
     except (TypeError, ValueError) as error:
-        found = f"saving {jax.typeof(leaf)} met {type(error).__name__} ({error})"
+        found = (
+            f"saving {jax.typeof(leaf)} met {type(error).__name__} ({str(error).splitlines()[0]})"
+        )
         mend = "keep numbers that numpy.save knows, and jax.random.key_data instead of a key"
         raise failure(found, "a State of plain arrays", mend) from error

@@ -35,7 +35,7 @@ def check_protocol(record: Any, protocol: Any) -> None:
     missing = [name for name in (*members, *_constants(protocol)) if not hasattr(record, name)]
     fine = isinstance(record, protocol) and not missing
     mend = f"add {', '.join(missing)}" if missing else "make them methods"
-    require(fine, f"{kind} is not a {expected}", "every member of the protocol", mend)
+    require(fine, f"{kind} is not an {expected}", "every member of the protocol", mend)
     for name, value in members.items():
         if isinstance(value, property):
             continue
@@ -73,7 +73,10 @@ def check_array(name: str, value: Any, shape: tuple[int, ...], kind: Any) -> Non
 def check_kept(
     verb: str, old: str, new: str, play: Callable[[Any], dict[str, PyTree]], key: Any
 ) -> None:
-    """A `jax.lax.scan` can carry the state: structure, shapes, dtypes and weak types stay."""
+    """Structure, shapes, dtypes and weak types of the state stay.
+
+    That is what `jax.lax.scan` asks of what it carries, and what saves a second trace.
+    """
     try:
         shapes = jax.eval_shape(play, key)
     except jax.errors.JAXTypeError as error:
@@ -83,6 +86,9 @@ def check_kept(
     before, after = _describe(shapes[old]), _describe(shapes[new])
     mend = f"make {verb} return the structure, shapes and dtypes that {old} returns"
     require(after == before, f"{verb} returned {after}", before, mend)
+    same = jax.tree.structure(shapes[old]) == jax.tree.structure(shapes[new])
+    mend = "compare static parts by value, and leave them as they are"
+    require(same, f"{verb} returned other static parts", f"those of {old}", mend)
     weak = any(leaf.weak_type for leaf in jax.tree.leaves(shapes[old]))
     mend = "build its arrays with an explicit dtype, as jnp.asarray(x, dtype=float) does"
     require(not weak, f"{old} returned weakly typed arrays", "only strongly typed ones", mend)
@@ -133,10 +139,14 @@ def stack(trees: list[Any]) -> Any:
 
 
 def _describe(shapes: PyTree) -> str:
-    leaves, structure = jax.tree.flatten(shapes)
-    weak = [", weak" if leaf.weak_type else "" for leaf in leaves]
-    parts = [f"{leaf.dtype}{list(leaf.shape)}{w}" for leaf, w in zip(leaves, weak)]
-    return f"{structure} of {'; '.join(parts)}"
+    """Each leaf by its path, such as `.theta float32[3]`."""
+    leaves = jax.tree.leaves_with_path(shapes)
+    weak = [", weak" if leaf.weak_type else "" for _, leaf in leaves]
+    paths = [jax.tree_util.keystr(path) for path, _ in leaves]
+    return "; ".join(
+        f"{path} {leaf.dtype}{list(leaf.shape)}{mark}".lstrip()
+        for path, (_, leaf), mark in zip(paths, leaves, weak)
+    )
 
 
 def _plain(leaf: Any) -> np.ndarray:

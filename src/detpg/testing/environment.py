@@ -14,7 +14,6 @@ from detpg.testing.checks import (
     check_protocol,
     check_pure,
     check_same,
-    counted,
     require,
     snapshot,
     stack,
@@ -47,7 +46,6 @@ def check_environment(environment: Any, key: PRNGKeyArray | None = None) -> None
     check_close("under jax.jit", jax.jit(walk)(key), seen)
     keys = jax.random.split(key, 3)
     check_close("under jax.vmap over keys", jax.vmap(walk)(keys), stack([walk(k) for k in keys]))
-    _check_world_traces(environment, key)
     check_pure(environment, before)
 
 
@@ -99,13 +97,3 @@ def _check_walk(spec: EnvironmentSpec, seen: dict[str, PyTree]) -> None:
     started = not bool(seen["terminated at the start"])
     mend = "draw initial states that are not terminal"
     require(started, "initial returned a terminated state", "an episode that can begin", mend)
-
-
-def _check_world_traces(environment: Environment, key: PRNGKeyArray) -> None:
-    """A state that came out of transition goes back in without compiling anew."""
-    step, count = counted(environment.transition)
-    state, action = environment.initial(key), _any_action(environment.spec, key)
-    for step_key in jax.random.split(key, 3):
-        state = step(step_key, state, action)
-    mend = "keep the state's dtypes and weak types, and hash nothing that is made in transition"
-    require(count() == 1, f"transition was traced {count()} times in 3 steps", "once", mend)

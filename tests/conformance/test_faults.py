@@ -1,0 +1,347 @@
+"""Each thing that a conformance check looks for is found, and said in one sentence."""
+
+import dataclasses
+from typing import ClassVar
+
+import equinox as eqx
+import jax
+import jax.custom_batching
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from detpg import train
+from detpg.testing import check_algorithm, check_environment
+from detpg.types import hyper_parameters
+from toys import Chain, ChainState, Recorder
+
+
+def off_in_batches(function):
+    """The function, with a rule for vmap that is wrong by one."""
+    wrong = jax.custom_batching.custom_vmap(function)
+
+    @wrong.def_vmap
+    def _(size, batched, argument):
+        return function(argument) + 1.0, batched[0]
+
+    return wrong
+
+
+def is_traced(x):
+    return isinstance(x, jax.core.Tracer)
+
+
+# --- environments ---
+
+
+class Renamed(Chain):
+    def transition(self, rng, state, action):
+        return state
+
+
+class Greedier(Chain):
+    def reward(self, state, action, next_state, bonus):
+        return next_state.position.astype(float)
+
+
+class Short(Chain):
+    def observe(self, state):
+        return super().observe(state)[:1]
+
+
+class Whole(Chain):
+    def observe(self, state):
+        return jnp.zeros(2, dtype=int)
+
+
+class ListReward(Chain):
+    def reward(self, state, action, next_state):
+        return jnp.ones(1)
+
+
+class FloatTerminated(Chain):
+    def terminated(self, state):
+        return jnp.zeros(())
+
+
+class Born(Chain):
+    def terminated(self, state):
+        return jnp.asarray(True)
+
+
+class Drifting(Chain):
+    def transition(self, key, state, action):
+        return ChainState(state.position.astype(float), state.label)
+
+
+class Weak(Chain):
+    def initial(self, key):
+        return ChainState(jnp.asarray(0), jnp.asarray(0.5))
+
+
+class Restless(Chain):
+    def transition(self, key, state, action):
+        return ChainState(
+            state.position + 1, jnp.asarray(np.random.default_rng().normal(), dtype=float)
+        )
+
+
+class Branching(Chain):
+    def reward(self, state, action, next_state):
+        return jnp.asarray(1.0) if next_state.position > 0 else jnp.asarray(0.0)
+
+
+class OtherUnderJit(Chain):
+    def reward(self, state, action, next_state):
+        return jnp.asarray(2.0 if is_traced(state.position) else 1.0, dtype=float)
+
+
+class OtherUnderVmap(Chain):
+    def observe(self, state):
+        return jnp.stack([state.position.astype(float), off_in_batches(jnp.sin)(state.label)])
+
+
+class New:
+    """Equal to nothing but itself."""
+
+    def __repr__(self):
+        return "New()"
+
+
+class Made(eqx.Module):
+    position: jax.Array
+    tag: New = eqx.field(static=True)
+
+
+class Anew(Chain):
+    def initial(self, key):
+        return Made(jnp.asarray(0, dtype=int), New())
+
+    def transition(self, key, state, action):
+        return Made(state.position + 1, New())
+
+    def observe(self, state):
+        return jnp.zeros(2, dtype=float)
+
+
+class Counting(Chain):
+    def observe(self, state):
+        object.__setattr__(self, "calls", getattr(self, "calls", 0) + 1)
+        return super().observe(state)
+
+
+@pytest.mark.parametrize(
+    ("environment", "found"),
+    [
+        (
+            Renamed,
+            r"Renamed.transition takes \(rng, state, action\), but \(key, state, action\)",
+        ),
+        (Greedier, r"Greedier.reward takes \(state, action, next_state, bonus\), but"),
+        (Short, r"observe returned float32\(1,\), but an array of shape \(2,\)"),
+        (Whole, r"observe returned int32\(2,\), but an array of shape \(2,\) and kind floating"),
+        (ListReward, r"reward returned float32\(1,\), but an array of shape \(\)"),
+        (FloatTerminated, r"terminated returned float32\(\), but an array of .* kind bool"),
+        (Born, "initial returned a terminated state, but an episode that can begin"),
+        (
+            Drifting,
+            r"transition returned .position float32\[\]; .*, but .position int32\[\]; .label",
+        ),
+        (Weak, "initial returned weakly typed arrays"),
+        (Restless, r"a second call with the same key gave another .*observe after"),
+        (Branching, "tracing met TracerBoolConversionError"),
+        (OtherUnderJit, "under jax.jit, .*reward.* is off by 1"),
+        (OtherUnderVmap, "under jax.vmap over keys, .*observe.* is off by 1"),
+        (Anew, "transition returned other static parts, but those of initial"),
+        (Counting, "Counting changed while it was used"),
+    ],
+)
+def test_what_is_wrong_with_an_environment_is_said(environment, found):
+    with pytest.raises(AssertionError, match=f"^{found}.* was expected: .*[.]$"):
+        check_environment(environment())
+
+
+def test_a_missing_method_is_named():
+    class Blind:
+        spec, initial, transition, reward, terminated = [lambda self: None] * 5
+
+    with pytest.raises(AssertionError, match=r"^Blind is not an Environment, .*: add observe[.]$"):
+        check_environment(Blind())
+
+
+@pytest.mark.parametrize(
+    ("changes", "found"),
+    [
+        ({"observation_size": 0}, r"sizes \(0, 1\)"),
+        ({"action_low": (-1.0, -1.0)}, r"lengths of the bounds \(2, 1\), but 1,"),
+        ({"action_low": (2.0,)}, r"bounds \(\(2.0,\), \(1.0,\)\), but action_low <= action_high"),
+        ({"time_limit": 0}, "time_limit 0, but at least 1"),
+        ({"discount": 1.5}, "discount 1.5, but a number from 0 to 1"),
+        ({"discount": -0.1}, "discount -0.1, but a number from 0 to 1"),
+    ],
+)
+def test_what_is_wrong_with_a_spec_is_said(changes, found):
+    class Misdescribed(Chain):
+        @property
+        def spec(self):
+            return dataclasses.replace(Chain().spec, **changes)
+
+    with pytest.raises(AssertionError, match=f"^spec has {found}.* was expected: .*[.]$"):
+        check_environment(Misdescribed())
+
+
+# --- algorithms ---
+
+
+class GreedyWithKey(Recorder):
+    def greedy(self, key, state, observation):
+        return jnp.zeros(1)
+
+
+class Anonymous(Recorder):
+    equations: ClassVar[str] = " "
+
+
+class NoBatch(Recorder):
+    @property
+    def batch_size(self):
+        return 0
+
+
+class TwoHands(Recorder):
+    def act(self, key, state, observation):
+        return jnp.zeros(2)
+
+
+class Widening(Recorder):
+    def update(self, key, state, transition):
+        return {"count": jnp.zeros(2, dtype=float)}, None
+
+    def greedy(self, state, observation):
+        return jnp.zeros(1)
+
+
+class WeakCount(Recorder):
+    def init(self, key):
+        return {"count": jnp.asarray(0.0)}
+
+    def update(self, key, state, transition):
+        return {"count": jnp.asarray(1.0)}, None
+
+
+class Moody(Recorder):
+    def update(self, key, state, transition):
+        return {"count": jnp.asarray(np.random.default_rng().normal(), dtype=float)}, None
+
+
+class MoodyGreedy(Recorder):
+    def greedy(self, state, observation):
+        return jnp.asarray(np.random.default_rng().normal(size=1), dtype=float)
+
+
+class BranchingUpdate(Recorder):
+    def update(self, key, state, transition):
+        return (state if transition.terminated else dict(state)), None
+
+
+class OtherUpdateUnderJit(Recorder):
+    def greedy(self, state, observation):
+        return jnp.full(1, 2.0 if is_traced(observation) else 1.0, dtype=float)
+
+
+class OtherUpdateUnderVmap(Recorder):
+    def update(self, key, state, transition):
+        return {"count": off_in_batches(jnp.cos)(state["count"] + self.rate)}, None
+
+
+class Unequal(Recorder):
+    tag: New = eqx.field(static=True, default_factory=New)
+
+
+class Pickled(Recorder):
+    def init(self, key):
+        return {"count": jnp.zeros((), dtype=float), "key": key}
+
+    def update(self, key, state, transition):
+        return state, None
+
+
+class Half(Recorder):
+    def init(self, key):
+        return {"count": jnp.zeros((), dtype=float), "short": jnp.zeros((), dtype=jnp.bfloat16)}
+
+    def update(self, key, state, transition):
+        return state, None
+
+
+class Tallying(Recorder):
+    def greedy(self, state, observation):
+        object.__setattr__(self, "calls", getattr(self, "calls", 0) + 1)
+        return super().greedy(state, observation)
+
+
+@pytest.mark.parametrize(
+    ("algorithm", "found"),
+    [
+        (
+            GreedyWithKey,
+            r"GreedyWithKey.greedy takes \(key, state, observation\), but \(state, obs",
+        ),
+        (Anonymous, "Anonymous.equations is empty"),
+        (NoBatch, "NoBatch.batch_size is 0"),
+        (TwoHands, r"act returned float32\(2,\), but an array of shape \(1,\)"),
+        (Widening, r"update returned \['count'\] float32\[2\], but \['count'\] float32\[\]"),
+        (WeakCount, "init returned weakly typed arrays"),
+        (Moody, r"a second call with the same key gave another \['greedy'\]"),
+        (MoodyGreedy, "a second call with the same key gave another .*greedy"),
+        (BranchingUpdate, "tracing met TracerBoolConversionError"),
+        (OtherUpdateUnderJit, "under jax.jit, .*greedy.* is off by 1"),
+        (OtherUpdateUnderVmap, "under jax.vmap over seeds and hyper-parameters, .*count.* is off"),
+        (Unequal, "new hyper-parameters, seeds and copies traced train 2 times, but once"),
+        (Pickled, "saving key.* met TypeError"),
+        (Half, "saving bfloat16.* met TypeError"),
+        (Tallying, "Tallying changed while it was used"),
+    ],
+)
+def test_what_is_wrong_with_an_algorithm_is_said(algorithm, found):
+    with pytest.raises(AssertionError, match=f"^{found}.* was expected: .*[.]$"):
+        check_algorithm(algorithm(), Chain(length=3))
+
+
+def test_a_hyper_parameter_that_is_not_validated_is_named(monkeypatch):
+    monkeypatch.setattr("toys.check_hyper", lambda record: None)
+    with pytest.raises(AssertionError, match=r"^rate = nan met no refusal, but a ValueError"):
+        check_algorithm(Recorder(), Chain())
+
+
+def test_a_refusal_that_does_not_say_what_is_refused(monkeypatch):
+    def vague(record):
+        if not np.isfinite(record.rate):
+            raise ValueError("bad input")
+
+    monkeypatch.setattr("toys.check_hyper", vague)
+    with pytest.raises(AssertionError, match=r"^rate = nan met bad input, but .* that names it"):
+        check_algorithm(Recorder(), Chain())
+
+
+def test_a_hyper_parameter_that_is_no_strong_leaf_is_named():
+    known = hyper_parameters(Recorder)["rate"]
+
+    class Static(Recorder):
+        rate: float = eqx.field(static=True, default=1.0, metadata={"hyper": known})
+
+    class WeakRate(Recorder):
+        rate: jax.Array = eqx.field(converter=jnp.asarray, default=1.0, metadata={"hyper": known})
+
+    for algorithm in (Static(), WeakRate()):
+        with pytest.raises(AssertionError, match=r"^rate is .*a strongly typed array leaf was exp"):
+            check_algorithm(algorithm, Chain())
+
+
+def test_a_run_that_does_not_resume_where_it_was_is_found(monkeypatch):
+    def forgetful(algorithm, environment, key, steps, *, start):
+        return train(algorithm, environment, jax.random.fold_in(key, steps), steps, start=start)
+
+    monkeypatch.setattr("detpg.testing.algorithm.train", forgetful)
+    with pytest.raises(AssertionError, match=r"^a resumed run gave another .*: keep in the State"):
+        check_algorithm(Recorder(), Chain())

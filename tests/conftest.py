@@ -1,0 +1,44 @@
+"""How all tests run: types and shapes checked, promotions strict, XLA without its own threads."""
+
+import os
+
+# XLA's thread pool can wait for ever on a batched program where there are two cores.
+os.environ["XLA_FLAGS"] = (
+    os.environ.get("XLA_FLAGS", "") + " --xla_cpu_multi_thread_eigen=false"
+).strip()
+# Most of the time goes into compiling. In the environment, so that worker processes do the same.
+os.environ.setdefault("JAX_DISABLE_MOST_OPTIMIZATIONS", "1")
+
+from collections.abc import Iterator
+
+import hypothesis
+import jax
+import jaxtyping
+import pytest
+
+CORE = "types trees environments policies features critics actors algorithms training evaluation"
+jaxtyping.install_import_hook([f"detpg.{name}" for name in CORE.split()], "beartype.beartype")
+
+jax.config.update("jax_numpy_dtype_promotion", "strict")
+jax.config.update("jax_numpy_rank_promotion", "raise")
+
+# The first example of a property compiles: no deadline. Derandomised: the same examples every time.
+hypothesis.settings.register_profile(
+    "detpg", derandomize=True, max_examples=10, deadline=None, database=None
+)
+hypothesis.settings.load_profile("detpg")
+
+
+@pytest.fixture
+def x64() -> Iterator[None]:
+    """Double precision, for comparison with an oracle."""
+    with jax.enable_x64(True):
+        yield
+
+
+@pytest.fixture
+def unchecked() -> Iterator[None]:
+    """As users run it, without type checks: what our own validation says must be seen."""
+    jaxtyping.config.update("jaxtyping_disable", True)
+    yield
+    jaxtyping.config.update("jaxtyping_disable", False)

@@ -1,0 +1,69 @@
+import math
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import pytest
+
+from detpg.types import Hyper, check_hyper, hyper, hyper_parameters, strong
+
+
+class Record(eqx.Module):
+    size: int = eqx.field(static=True, default=2)
+    alpha: jax.Array = hyper("step size", 0.5, 0.0, 2.0)
+    sigma: jax.Array = hyper("width", 1.0, 1e-3, 3.0)
+
+    def __check_init__(self):
+        check_hyper(self)
+
+
+def test_hyper_parameters_are_leaves_in_order_of_declaration_with_their_records():
+    assert hyper_parameters(Record) == {
+        "alpha": Hyper("step size", 0.5, 0.0, 2.0),
+        "sigma": Hyper("width", 1.0, 1e-3, 3.0),
+    }
+    assert [float(leaf) for leaf in jax.tree.leaves(Record(sigma=2.0))] == [0.5, 2.0]
+
+
+@pytest.mark.parametrize("value", [0.25, 1, jnp.asarray(0.25), jnp.asarray(1)])
+def test_strong_gives_floats_that_are_not_weakly_typed(value):
+    converted = strong(value)
+    assert converted.dtype == jnp.float32
+    assert not converted.weak_type
+    assert float(converted) == float(value)
+
+
+@pytest.mark.usefixtures("x64")
+def test_strong_keeps_the_precision_of_an_array():
+    assert strong(jnp.asarray(0.1, dtype=jnp.float32)).dtype == jnp.float32
+    assert strong(0.1).dtype == jnp.float64
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, -0.1, 2.1])
+def test_a_hyper_parameter_out_of_range_is_refused_in_one_sentence(bad):
+    with pytest.raises(ValueError, match=r"^alpha = .* between 0 and 2 \(step size\)\.$"):
+        Record(alpha=bad)
+
+
+@pytest.mark.parametrize("edge", [0.0, 2.0])
+def test_the_ends_of_the_range_are_allowed(edge):
+    assert float(Record(alpha=edge).alpha) == edge
+
+
+def test_infinity_is_refused_even_where_nothing_bounds_the_range():
+    class Unbounded(Record):
+        scale: jax.Array = hyper("scale", 1.0, 0.0, math.inf)
+
+    assert float(Unbounded(scale=1e30).scale) > 1e29
+    with pytest.raises(ValueError, match="scale = inf is not usable"):
+        Unbounded(scale=math.inf)
+
+
+def test_one_bad_value_in_a_grid_is_refused():
+    with pytest.raises(ValueError, match="sigma = 0 is not usable"):
+        Record(sigma=jnp.asarray([1.0, 0.0]))
+
+
+def test_traced_values_pass():
+    doubled = jax.vmap(lambda alpha: Record(alpha=alpha).alpha * 2)(jnp.asarray([1.0, 9.0]))
+    assert doubled.tolist() == [2.0, 18.0]
