@@ -7,10 +7,6 @@ from detpg import ALGORITHMS, ENVIRONMENTS
 from detpg.testing import check_algorithm, check_environment
 from toys import Chain, Recorder
 
-VARIANTS = {
-    "bandit-stochastic-ac": {"actor": "score-times-advantage", "fixed_variance": True},
-}
-
 
 @pytest.mark.parametrize("name", ENVIRONMENTS)
 def test_environments(name):
@@ -21,13 +17,6 @@ def test_environments(name):
 def test_algorithms(name):
     bandit = ENVIRONMENTS["bandit"](3)
     check_algorithm(ALGORITHMS[name].create(bandit.spec), bandit, jax.random.key(1))
-
-
-@pytest.mark.parametrize("name", VARIANTS)
-def test_other_readings_of_the_algorithms(name):
-    bandit = ENVIRONMENTS["bandit"](2)
-    algorithm = ALGORITHMS[name].create(bandit.spec, **VARIANTS[name])
-    check_algorithm(algorithm, bandit)
 
 
 def test_one_that_learns_at_every_step_of_a_longer_episode():

@@ -106,3 +106,9 @@ def test_own_matrix_and_optimum():
 def test_bad_input_is_refused_in_one_sentence(arguments, sentence):
     with pytest.raises(ValueError, match=sentence):
         QuadraticBandit(**arguments)
+
+
+@pytest.mark.parametrize("C", [[[1.0, 0.5], [0.0, 1.0]], [[1.0, 0.0], [0.0, -0.1]]])
+def test_a_cost_without_a_least_action_is_refused(C):
+    with pytest.raises(ValueError, match="symmetric and positive definite"):
+        QuadraticBandit(C=jnp.asarray(C), a_star=jnp.zeros(2))

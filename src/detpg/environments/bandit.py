@@ -5,6 +5,8 @@ from typing import Literal
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from detpg.types import Action, EnvironmentSpec, Number, Observation, strong
@@ -75,11 +77,13 @@ class QuadraticBandit(eqx.Module):
             C = cost_matrix(jax.random.key(0) if key is None else key, m, spectrum)
         self.C = strong(C)
         self.a_star = strong([4.0] * len(self.C) if a_star is None else a_star)
-        if self.C.shape != (self.a_star.size, self.a_star.size):
+        if self.a_star.ndim != 1 or self.C.shape != (self.a_star.size, self.a_star.size):
             raise ValueError(
                 f"C has shape {self.C.shape} and a_star {self.a_star.shape}: "
                 "C must be m by m and a_star of length m."
             )
+        if not isinstance(self.C, Tracer):
+            _check_definite(np.asarray(self.C))
 
     @property
     def spec(self) -> EnvironmentSpec:
@@ -113,6 +117,15 @@ class QuadraticBandit(eqx.Module):
 
     def observe(self, state: Bool[Array, ""]) -> Observation:
         return jnp.ones(1, dtype=self.C.dtype)
+
+
+def _check_definite(C: np.ndarray) -> None:
+    eigenvalues = np.linalg.eigvalsh((C + C.T) / 2)
+    if not (np.allclose(C, C.T, rtol=1e-4, atol=1e-6) and eigenvalues[0] > 0):
+        raise ValueError(
+            f"C is not symmetric and positive definite (least eigenvalue {eigenvalues[0]:g}): "
+            "without that the cost has no least action."
+        )
 
 
 def cost_matrix(key: PRNGKeyArray, m: int, spectrum: Spectrum) -> Float[Array, "act act"]:

@@ -197,8 +197,7 @@ def _through_file(leaf: Any) -> Any:
         file.seek(0)
         return jnp.asarray(np.load(file, allow_pickle=False))
     except (TypeError, ValueError) as error:
-        found = (
-            f"saving {jax.typeof(leaf)} met {type(error).__name__} ({str(error).splitlines()[0]})"
-        )
+        what = f"{type(error).__name__} ({str(error).splitlines()[0]})"
+        found = f"saving {jax.typeof(leaf)} met {what}"
         mend = "keep numbers that numpy.save knows, and jax.random.key_data instead of a key"
         raise failure(found, "a State of plain arrays", mend) from error
