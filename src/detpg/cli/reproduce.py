@@ -11,6 +11,8 @@ import tyro
 from detpg.cli.errors import UserError
 
 if TYPE_CHECKING:
+    from rich.progress import TaskID
+
     from detpg.experiments import Study
 
 
@@ -118,7 +120,7 @@ class _progress:  # noqa: N801  (used like the function that it wraps)
 
         self._console = Console(stderr=True)
         self._figure = figure
-        self._tasks: dict[str, object] = {}
+        self._tasks: dict[str, TaskID] = {}
         self._bars = Progress(
             TextColumn("{task.description}"),
             BarColumn(),
@@ -145,7 +147,7 @@ class _progress:  # noqa: N801  (used like the function that it wraps)
             return
         if phase not in self._tasks:
             self._tasks[phase] = self._bars.add_task(label, total=total)
-        self._bars.update(self._tasks[phase], completed=done)  # pyright: ignore[reportArgumentType]
+        self._bars.update(self._tasks[phase], completed=done)
 
 
 def _announce(name: str, path: Path, new: bool) -> None:
