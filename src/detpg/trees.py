@@ -48,3 +48,13 @@ def num_parameters(policy: Policy) -> int:
 def all_finite(tree: PyTree) -> Bool[Array, ""]:
     """True if every number of the tree is finite."""
     return jnp.all(jnp.isfinite(to_vector(tree)))
+
+
+def dot(tree: PyTree, other: PyTree) -> Float[Array, ""]:
+    """Inner product of two trees of the same structure."""
+    return jnp.dot(to_vector(tree), to_vector(other), precision="highest")
+
+
+def zeros_like(tree: PyTree) -> PyTree:
+    """A tree of the same structure, all zero."""
+    return jax.tree.map(jnp.zeros_like, tree)

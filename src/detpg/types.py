@@ -100,6 +100,24 @@ class StochasticPolicy(Protocol):
 
 
 @runtime_checkable
+class ActionValue(Protocol):
+    """Q^w(s, a), differentiable in w and a. The object is structure, w (any pytree) is data."""
+
+    def init(self, key: PRNGKeyArray) -> PyTree: ...
+
+    def __call__(self, w: PyTree, observation: Observation, action: Action) -> Number: ...
+
+
+@runtime_checkable
+class StateValue(Protocol):
+    """V^v(s), differentiable in v: the baseline of the compatible critic."""
+
+    def init(self, key: PRNGKeyArray) -> PyTree: ...
+
+    def __call__(self, v: PyTree, observation: Observation) -> Number: ...
+
+
+@runtime_checkable
 class Behaviour(Protocol):
     """beta(a|s): how actions are chosen while learning."""
 

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from detpg import ALGORITHMS, ENVIRONMENTS
+
 VERDICTS = {"reproduced", "not reproduced", "inconclusive"}
 
 
@@ -53,8 +55,8 @@ def test_every_command_has_help(command: tuple[str, ...]):
 
 def test_list_names_what_there_is():
     found = json.loads(detpg("list", "--json").stdout)
-    assert [row["name"] for row in found["environments"]] == ["bandit"]
-    assert {row["name"] for row in found["algorithms"]} == {"bandit-copdac", "bandit-stochastic-ac"}
+    assert [row["name"] for row in found["environments"]] == list(ENVIRONMENTS)
+    assert [row["name"] for row in found["algorithms"]] == list(ALGORITHMS)
     assert all(row["equations"] for row in found["algorithms"])
     assert found["studies"][0]["presets"] == ["smoke", "quick", "paper"]
     table = detpg("list").stdout

@@ -6,11 +6,27 @@ Next: the loop over time (`detpg.training`).
 
 from detpg.algorithms.bandit_copdac import BanditCOPDAC
 from detpg.algorithms.bandit_stochastic_ac import BanditStochasticAC
+from detpg.algorithms.copdac_gq import COPDACGQ
+from detpg.algorithms.copdac_q import COPDACQ
+from detpg.algorithms.dac import DAC
+from detpg.algorithms.opdac import OPDAC
 from detpg.types import Algorithm
 
 ALGORITHMS: dict[str, type[Algorithm]] = {
     "bandit-copdac": BanditCOPDAC,
     "bandit-stochastic-ac": BanditStochasticAC,
+    "copdac-gq": COPDACGQ,
+    "copdac-q": COPDACQ,
+    "dac": DAC,
+    "opdac": OPDAC,
 }
 
-__all__ = ["ALGORITHMS", "BanditCOPDAC", "BanditStochasticAC"]
+__all__ = [
+    "ALGORITHMS",
+    "COPDACGQ",
+    "COPDACQ",
+    "DAC",
+    "OPDAC",
+    "BanditCOPDAC",
+    "BanditStochasticAC",
+]

@@ -4,6 +4,16 @@ In: features and rewards. Out: weights, values.
 Next: the actor reads its direction from them (`detpg.actors`).
 """
 
+from detpg.critics.action_values import MLPActionValue, QuadraticActionValue
 from detpg.critics.regression import LinearFit, linear_regression
+from detpg.critics.state_values import QuadraticStateValue
+from detpg.critics.td import td_error
 
-__all__ = ["LinearFit", "linear_regression"]
+__all__ = [
+    "LinearFit",
+    "MLPActionValue",
+    "QuadraticActionValue",
+    "QuadraticStateValue",
+    "linear_regression",
+    "td_error",
+]

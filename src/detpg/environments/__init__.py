@@ -5,10 +5,12 @@ Next: the observation goes to a policy (`detpg.policies`).
 """
 
 from detpg.environments.bandit import QuadraticBandit
+from detpg.environments.lqr import LQR
 from detpg.types import Environment
 
 ENVIRONMENTS: dict[str, type[Environment]] = {
     "bandit": QuadraticBandit,
+    "lqr": LQR,
 }
 
-__all__ = ["ENVIRONMENTS", "QuadraticBandit"]
+__all__ = ["ENVIRONMENTS", "LQR", "QuadraticBandit"]

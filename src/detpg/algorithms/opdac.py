@@ -1,0 +1,105 @@
+"""OPDAC: the off-policy deterministic actor-critic with a Q-learning critic (Section 4.2)."""
+
+from typing import Any, ClassVar
+
+import equinox as eqx
+import jax
+from jaxtyping import PRNGKeyArray, PyTree
+
+from detpg import trees
+from detpg.actors.deterministic import deterministic_direction
+from detpg.algorithms.parts import incompatible_parts
+from detpg.critics.td import td_error
+from detpg.policies.behaviour import GaussianBehaviour
+from detpg.types import (
+    Action,
+    ActionValue,
+    EnvironmentSpec,
+    Number,
+    Observation,
+    Policy,
+    Transition,
+    check_hyper,
+    hyper,
+)
+
+
+class OPDACState(eqx.Module):
+    """theta of the actor, w of the critic."""
+
+    theta: PyTree
+    w: PyTree
+
+
+class OPDACInfo(eqx.Module):
+    """Diagnostics of one update: the TD error and the value of the action taken."""
+
+    delta: Number
+    value: Number
+
+
+class OPDAC(eqx.Module):
+    """OPDAC, eq. 16-18: Q-learning critic, actor along grad_a Q^w at mu_theta(s).
+
+    Attributes:
+        policy: mu_theta (static).
+        action_value: Q^w (static).
+        gamma: Discount factor.
+        alpha_theta: Step size of the actor.
+        alpha_w: Step size of the critic.
+        sigma: Standard deviation of the behaviour; any other behaviour may be learnt from.
+    """
+
+    equations: ClassVar[str] = "16, 17, 18"
+
+    policy: Policy = eqx.field(static=True)
+    action_value: ActionValue = eqx.field(static=True)
+    gamma: Number = hyper("discount factor", 0.99, 0.0, 1.0)
+    alpha_theta: Number = hyper("step size of the actor", 1e-3, 0.0, 1e6)
+    alpha_w: Number = hyper("step size of the critic", 1e-2, 0.0, 1e6)
+    sigma: Number = hyper("standard deviation of the behaviour, action units", 0.1, 1e-6, 1e6)
+
+    def __check_init__(self):
+        check_hyper(self)
+
+    @classmethod
+    def create(cls, spec: EnvironmentSpec, **options: Any) -> "OPDAC":
+        """The learner for an environment; a linear policy and a quadratic critic unless given."""
+        return cls(**(incompatible_parts(spec) | options))
+
+    @property
+    def batch_size(self) -> None:
+        """One transition per update."""
+        return None
+
+    def init(self, key: PRNGKeyArray) -> OPDACState:
+        theta_key, w_key = jax.random.split(key)
+        return OPDACState(theta=self.policy.init(theta_key), w=self.action_value.init(w_key))
+
+    def act(self, key: PRNGKeyArray, state: OPDACState, observation: Observation) -> Action:
+        # a ~ beta(.|s), here N(mu_theta(s), sigma^2)
+        return GaussianBehaviour(self.policy, self.sigma).act(key, state.theta, observation)
+
+    def update(
+        self, key: PRNGKeyArray, state: OPDACState, transition: Transition
+    ) -> tuple[OPDACState, OPDACInfo]:
+        theta, w = state.theta, state.w
+        s, a, next_s = transition.observation, transition.action, transition.next_observation
+
+        # delta = r + gamma Q^w(s', mu_theta(s')) - Q^w(s, a)  (16)
+        value, gradient = jax.value_and_grad(self.action_value)(w, s, a)
+        next_value = self.action_value(w, next_s, self.policy(theta, next_s))
+        delta = td_error(transition.reward, self.gamma, transition.terminated, next_value, value)
+
+        # w <- w + alpha_w delta grad_w Q^w(s, a)  (17)
+        next_w = trees.add_scaled(w, self.alpha_w * delta, gradient)
+
+        # theta <- theta + alpha_theta grad_theta mu_theta(s) grad_a Q^w(s, a) at mu_theta(s)  (18)
+        direction = deterministic_direction(
+            self.policy, theta, s, lambda action: self.action_value(w, s, action)
+        )
+        theta = trees.add_scaled(theta, self.alpha_theta, direction)
+        return OPDACState(theta, next_w), OPDACInfo(delta=delta, value=value)
+
+    def greedy(self, state: OPDACState, observation: Observation) -> Action:
+        return self.policy(state.theta, observation)

@@ -1,0 +1,28 @@
+"""mu_theta(s) = theta s: the policy that is linear in the observation."""
+
+import dataclasses
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float, PRNGKeyArray
+
+from detpg.types import Action, Observation
+
+
+@dataclasses.dataclass(frozen=True)
+class LinearPolicy:
+    """mu_theta(s) = theta s, theta an m by d matrix.
+
+    Attributes:
+        observation_size: d.
+        action_size: m.
+    """
+
+    observation_size: int
+    action_size: int
+
+    def init(self, key: PRNGKeyArray) -> Float[Array, "act obs"]:
+        """Theta = 0."""
+        return jnp.zeros((self.action_size, self.observation_size))
+
+    def __call__(self, theta: Float[Array, "act obs"], observation: Observation) -> Action:
+        return jnp.dot(theta, observation, precision="highest")

@@ -1,0 +1,133 @@
+"""COPDAC-Q and COPDAC-GQ: hand numbers, and what they learn on the LQR."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from detpg.algorithms import COPDACGQ, COPDACQ
+from detpg.algorithms.copdac_gq import COPDACGQState
+from detpg.algorithms.copdac_q import COPDACQState
+from detpg.environments import LQR
+from detpg.policies import LinearPolicy
+from detpg.training import train
+from detpg.types import Transition
+
+
+class Weight:
+    """V^v(s) = v . s, so that phi(s) = s."""
+
+    def init(self, key):
+        return jnp.zeros(2)
+
+    def __call__(self, v, observation):
+        return jnp.dot(v, observation)
+
+
+WEIGHT = Weight()
+PARTS = {"policy": LinearPolicy(2, 1), "state_value": WEIGHT}
+STEPS = {"gamma": 0.5, "alpha_theta": 0.1, "alpha_w": 0.2, "alpha_v": 0.4}
+
+
+def transition(terminated: bool = False) -> Transition:
+    """s = (1, 2), a = 3, r = 4, s' = (2, 0)."""
+    return Transition(
+        observation=jnp.asarray([1.0, 2.0]),
+        action=jnp.asarray([3.0]),
+        reward=jnp.asarray(4.0),
+        next_observation=jnp.asarray([2.0, 0.0]),
+        next_action=jnp.asarray([0.0]),
+        terminated=jnp.asarray(terminated),
+    )
+
+
+@pytest.mark.parametrize(("terminated", "delta"), [(False, 0.0), (True, -1.0)])
+def test_copdac_q_by_hand(terminated: bool, delta: float):
+    """mu = 0.5*1 + 0.25*2 = 1; phi = 2 s; Q = w.phi + v.s = 2*(0.5*1+0.5*2) + 1*1+0.5*2 = 5."""
+    learner = COPDACQ(**PARTS, **STEPS)
+    state = COPDACQState(
+        theta=jnp.asarray([[0.5, 0.25]]), w=jnp.asarray([[0.5, 0.5]]), v=jnp.asarray([1.0, 0.5])
+    )
+    after, info = learner.update(jax.random.key(0), state, transition(terminated))
+    # delta = 4 + 0.5 * V(s') - 5 with V(s') = 2, or 0 where s' is terminal
+    assert float(info.delta) == pytest.approx(delta)
+    # grad mu (grad mu^T w) = (w.s) s = 1.5 (1, 2)
+    np.testing.assert_allclose(after.theta, [[0.65, 0.55]], rtol=1e-6)
+    np.testing.assert_allclose(after.w, [[0.5 + 0.4 * delta, 0.5 + 0.8 * delta]], rtol=1e-6)
+    np.testing.assert_allclose(after.v, [1.0 + 0.4 * delta, 0.5 + 0.8 * delta], rtol=1e-6)
+
+
+def test_the_natural_form_steps_along_w():
+    learner = COPDACQ(**PARTS, **STEPS, natural=True)
+    state = COPDACQState(jnp.zeros((1, 2)), w=jnp.asarray([[3.0, -1.0]]), v=jnp.zeros(2))
+    after, _ = learner.update(jax.random.key(0), state, transition())
+    np.testing.assert_allclose(after.theta, [[0.3, -0.1]], rtol=1e-6)
+
+
+@pytest.mark.parametrize("terminated", [False, True])
+@pytest.mark.parametrize("correction", ["printed", "full"])
+def test_copdac_gq_against_the_explicit_formula(correction, terminated):
+    """psi = (phi; s), h = (u; z), x = (w; v): GQ(0) of Maei et al. (2010), written with vectors."""
+    learner = COPDACGQ(**PARTS, **STEPS, alpha_u=0.3, correction=correction)
+    theta, w = np.array([[0.5, 0.25]]), np.array([0.5, -0.5])
+    v, u, z = np.array([1.0, 0.5]), np.array([0.2, 0.1]), np.array([-0.3, 0.4])
+    z = z if correction == "full" else 0 * z
+    state = COPDACGQState(*(jnp.asarray(x, dtype=float) for x in (theta, w[None], v, u[None], z)))
+    after, _ = learner.update(jax.random.key(0), state, transition(terminated))
+
+    s, next_s = np.array([1.0, 2.0]), np.array([2.0, 0.0])
+    psi = np.r_[2 * s, s]
+    gamma = 0.0 if terminated else 0.5
+    delta = 4 + gamma * v @ next_s - psi @ np.r_[w, v]
+    expected = psi @ np.r_[u, z]
+    x = np.r_[w, v] + np.r_[0.2, 0.2, 0.4, 0.4] * (
+        delta * psi - gamma * expected * np.r_[0, 0, next_s]
+    )
+    auxiliary = psi if correction == "full" else psi * [1, 1, 0, 0]
+    h = np.r_[u, z] + 0.3 * (delta - expected) * auxiliary
+    np.testing.assert_allclose(np.r_[after.w[0], after.v], x, rtol=1e-5, atol=1e-6)
+    np.testing.assert_allclose(np.r_[after.u[0], after.z], h, rtol=1e-5, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("learner_class", "options"),
+    [
+        (COPDACQ, {}),
+        (COPDACGQ, {"alpha_u": 0.02}),
+        (COPDACGQ, {"alpha_u": 0.02, "correction": "printed"}),
+    ],
+)
+def test_the_critic_of_a_fixed_actor_finds_the_slope_of_q(learner_class, options):
+    """With alpha_theta = 0, w s estimates grad_a Q(s, mu(s)) (condition 1 of Theorem 3)."""
+    world = LQR(noise=0.3)
+    learner = learner_class.create(
+        world.spec, alpha_theta=0.0, alpha_w=0.02, alpha_v=0.01, sigma=0.5, **options
+    )
+    state, _ = train(learner, world, jax.random.key(3), 60_000)
+    gain = jnp.zeros((1, 2))
+    exact = jax.vmap(lambda s: jax.grad(world.action_value, argnums=2)(gain, s, gain @ s))(
+        jnp.eye(2)
+    ).T
+    w = np.asarray(state.learner.w)
+    assert np.linalg.norm(w - exact) < 0.25 * np.linalg.norm(exact)
+
+
+@pytest.mark.parametrize("natural", [False, True])
+def test_copdac_q_improves_the_regulator(natural: bool):
+    world = LQR(noise=0.3)
+    learner = COPDACQ.create(
+        world.spec, natural=natural, alpha_theta=1e-3, alpha_w=0.02, alpha_v=0.01, sigma=0.5
+    )
+    state, _ = train(learner, world, jax.random.key(1), 60_000)
+    before, after = world.objective(jnp.zeros((1, 2))), world.objective(state.learner.theta)
+    best = _best(world)
+    assert float(after - before) > 0.8 * float(best - before)
+
+
+def _best(world: LQR) -> jax.Array:
+    """J of the best gain, by gradient ascent on the exact objective."""
+
+    def body(_, gain):
+        return gain + 0.01 * jax.grad(world.objective)(gain)
+
+    return world.objective(jax.lax.fori_loop(0, 500, body, jnp.zeros((1, 2))))

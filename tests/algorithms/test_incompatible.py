@@ -1,0 +1,99 @@
+"""DAC and OPDAC: hand numbers, and what they learn on the LQR."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from detpg.algorithms import DAC, OPDAC
+from detpg.algorithms.dac import DACState
+from detpg.algorithms.opdac import OPDACState
+from detpg.critics import MLPActionValue
+from detpg.environments import LQR
+from detpg.policies import LinearPolicy, MLPPolicy
+from detpg.training import train
+from detpg.types import Transition
+
+
+class Product:
+    """Q^w(s, a) = w0 a s - w1 a^2: grad_a Q = w0 s - 2 w1 a."""
+
+    def init(self, key):
+        return jnp.zeros(2)
+
+    def __call__(self, w, observation, action):
+        return w[0] * action[0] * observation[0] - w[1] * action[0] ** 2
+
+
+PARTS = {
+    "policy": LinearPolicy(1, 1),
+    "action_value": Product(),
+    "gamma": 0.5,
+    "alpha_theta": 0.1,
+    "alpha_w": 0.01,
+}
+TRANSITION = Transition(
+    observation=jnp.asarray([2.0]),
+    action=jnp.asarray([3.0]),
+    reward=jnp.asarray(1.0),
+    next_observation=jnp.asarray([4.0]),
+    next_action=jnp.asarray([5.0]),
+    terminated=jnp.asarray(False),
+)
+
+
+@pytest.mark.parametrize(
+    ("learner", "state", "next_action"),
+    [(DAC(**PARTS), DACState, 5.0), (OPDAC(**PARTS), OPDACState, 2.0)],
+)
+def test_by_hand(learner, state, next_action):
+    """theta = 0.5, w = (1, 1). Sarsa uses the a' that was taken, Q-learning mu(s') = 2."""
+    before = state(theta=jnp.asarray([[0.5]]), w=jnp.asarray([1.0, 1.0]))
+    after, info = learner.update(jax.random.key(0), before, TRANSITION)
+    value, next_value = 3 * 2 - 9, next_action * 4 - next_action**2
+    delta = 1 + 0.5 * next_value - value
+    assert float(info.delta) == pytest.approx(delta)
+    np.testing.assert_allclose(after.w, [1 + 0.01 * delta * 6, 1 - 0.01 * delta * 9], rtol=1e-6)
+    # mu(s) = 1: grad_a Q = 2 - 2 = 0 there, though not at the action taken
+    np.testing.assert_allclose(after.theta, [[0.5]], rtol=1e-6)
+
+
+def test_the_actor_follows_the_slope_at_mu_not_at_the_action():
+    before = OPDACState(theta=jnp.asarray([[1.0]]), w=jnp.asarray([1.0, 1.0]))
+    after, _ = OPDAC(**PARTS).update(jax.random.key(0), before, TRANSITION)
+    # mu(s) = 2: grad_a Q = 2 - 4 = -2, grad mu = s = 2
+    np.testing.assert_allclose(after.theta, [[1.0 - 0.1 * 4]], rtol=1e-6)
+
+
+def test_dac_acts_without_noise():
+    world = LQR()
+    learner = DAC.create(world.spec)
+    state = learner.init(jax.random.key(0))
+    observation = jnp.asarray([1.0, -1.0])
+    acted = learner.act(jax.random.key(1), state, observation)
+    np.testing.assert_array_equal(acted, learner.greedy(state, observation))
+
+
+@pytest.mark.parametrize("spread", [0.3, 0.6])
+def test_opdac_improves_the_regulator(spread: float):
+    """The quadratic critic can hold the exact Q of the LQR, whatever the behaviour's width."""
+    world = LQR(noise=0.3)
+    learner = OPDAC.create(world.spec, alpha_theta=1e-3, alpha_w=0.01, sigma=spread)
+    state, _ = train(learner, world, jax.random.key(1), 60_000)
+    best = jax.lax.fori_loop(
+        0, 500, lambda _, k: k + 0.01 * jax.grad(world.objective)(k), jnp.zeros((1, 2))
+    )
+    start, end, top = (
+        float(world.objective(k)) for k in (jnp.zeros((1, 2)), state.learner.theta, best)
+    )
+    assert end - start > 0.8 * (top - start)
+
+
+def test_any_differentiable_policy_and_critic():
+    world = LQR(noise=0.3)
+    parts = {"policy": MLPPolicy(2, 1, (8,)), "action_value": MLPActionValue(2, 1, 16)}
+    learner = OPDAC.create(world.spec, **parts, alpha_theta=1e-3, alpha_w=1e-2, sigma=0.5)
+    state, log = train(learner, world, jax.random.key(0), 2000)
+    assert np.isfinite(np.asarray(log.info.delta)).all()
+    first = learner.init(jax.random.key(0))
+    assert jax.tree.structure(first.theta) == jax.tree.structure(state.learner.theta)
