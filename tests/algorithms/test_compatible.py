@@ -93,8 +93,8 @@ def test_copdac_gq_against_the_explicit_formula(correction, terminated):
     ("learner_class", "options"),
     [
         (COPDACQ, {}),
-        (COPDACGQ, {"alpha_u": 0.02}),
-        (COPDACGQ, {"alpha_u": 0.02, "correction": "printed"}),
+        (COPDACGQ, {"alpha_u": 0.005}),
+        (COPDACGQ, {"alpha_u": 0.005, "correction": "printed"}),
     ],
 )
 def test_the_critic_of_a_fixed_actor_finds_the_slope_of_q(learner_class, options):

@@ -48,7 +48,7 @@ class COPDACGQ(eqx.Module):
         natural: Take theta + alpha_theta w instead of eq. 24 (static).
         gamma: Discount factor.
         alpha_theta, alpha_w, alpha_v: Step sizes of actor, advantage and state value.
-        alpha_u: Step size of the auxiliary weights; they should be the fastest.
+        alpha_u: Step size of the auxiliary weights; alpha_u |psi|^2 must stay below 2.
         sigma: Standard deviation of the behaviour.
     """
 
@@ -62,7 +62,7 @@ class COPDACGQ(eqx.Module):
     alpha_theta: Number = hyper("step size of the actor", 1e-3, 0.0, 1e6)
     alpha_w: Number = hyper("step size of the advantage", 1e-1, 0.0, 1e6)
     alpha_v: Number = hyper("step size of the state value", 1e-2, 0.0, 1e6)
-    alpha_u: Number = hyper("step size of the auxiliary weights", 1e-1, 0.0, 1e6)
+    alpha_u: Number = hyper("step size of the auxiliary weights", 1e-2, 0.0, 1e6)
     sigma: Number = hyper("standard deviation of the behaviour, action units", 0.3, 1e-6, 1e6)
 
     def __check_init__(self):
