@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from detpg.algorithms import DAC, OPDAC
+from detpg.algorithms import COPDACGQ, COPDACQ, DAC, OPDAC
 from detpg.algorithms.dac import DACState
 from detpg.algorithms.opdac import OPDACState
 from detpg.critics import MLPActionValue
@@ -97,3 +97,44 @@ def test_any_differentiable_policy_and_critic():
     assert np.isfinite(np.asarray(log.info.delta)).all()
     first = learner.init(jax.random.key(0))
     assert jax.tree.structure(first.theta) == jax.tree.structure(state.learner.theta)
+
+
+class Blind:
+    """Q^w(s, a) = w s: it ignores the action."""
+
+    def init(self, key):
+        return jnp.zeros(2)
+
+    def __call__(self, w, observation, action):
+        return jnp.dot(w, observation)
+
+
+@pytest.mark.parametrize("learner", [DAC, OPDAC])
+def test_a_q_that_ignores_the_action_is_refused(learner):
+    with pytest.raises(ValueError, match="does not change with a"):
+        learner.create(LQR().spec, action_value=Blind())
+
+
+@pytest.mark.parametrize("learner", [DAC, OPDAC, COPDACQ, COPDACGQ])
+def test_a_policy_of_the_wrong_shape_is_refused(learner):
+    with pytest.raises(ValueError, match=r"shape \(3,\), but environment 'lqr' takes \(1,\)"):
+        learner.create(LQR().spec, policy=LinearPolicy(2, 3))
+
+
+@pytest.mark.parametrize("learner", [DAC, OPDAC, COPDACQ, COPDACGQ])
+@pytest.mark.parametrize("bad", [float("nan"), float("inf"), -1.0])
+def test_a_step_size_that_is_not_usable_is_refused(learner, bad):
+    with pytest.raises(ValueError, match=r"alpha_w = .* is not usable: give a finite number"):
+        learner.create(LQR().spec, alpha_w=bad)
+
+
+@pytest.mark.parametrize("learner", [DAC, OPDAC, COPDACQ, COPDACGQ])
+def test_a_learner_can_be_made_for_each_point_of_a_grid(learner):
+    """As a sweep does: inside `jit` and `vmap`, with the step size a traced number."""
+    spec = LQR().spec
+
+    def step_size(alpha_theta):
+        return learner.create(spec, alpha_theta=alpha_theta).alpha_theta
+
+    grid = jnp.asarray([0.1, 0.2])
+    np.testing.assert_array_equal(jax.jit(jax.vmap(step_size))(grid), grid)

@@ -9,7 +9,7 @@ from jaxtyping import PRNGKeyArray, PyTree
 
 from detpg import trees
 from detpg.actors.compatible import compatible_direction
-from detpg.algorithms.parts import compatible_parts
+from detpg.algorithms.parts import checked, compatible_parts
 from detpg.critics.td import td_error
 from detpg.features.compatible import compatible_features
 from detpg.policies.behaviour import GaussianBehaviour
@@ -71,7 +71,7 @@ class COPDACGQ(eqx.Module):
     @classmethod
     def create(cls, spec: EnvironmentSpec, **options: Any) -> "COPDACGQ":
         """The learner for an environment; linear policy and quadratic value unless given."""
-        return cls(**(compatible_parts(spec) | options))
+        return cls(**checked(spec, compatible_parts(spec) | options))
 
     @property
     def batch_size(self) -> None:

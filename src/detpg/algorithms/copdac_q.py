@@ -8,7 +8,7 @@ from jaxtyping import PRNGKeyArray, PyTree
 
 from detpg import trees
 from detpg.actors.compatible import compatible_direction
-from detpg.algorithms.parts import compatible_parts
+from detpg.algorithms.parts import checked, compatible_parts
 from detpg.critics.td import td_error
 from detpg.features.compatible import compatible_features
 from detpg.policies.behaviour import GaussianBehaviour
@@ -72,7 +72,7 @@ class COPDACQ(eqx.Module):
     @classmethod
     def create(cls, spec: EnvironmentSpec, **options: Any) -> "COPDACQ":
         """The learner for an environment; linear policy and quadratic value unless given."""
-        return cls(**(compatible_parts(spec) | options))
+        return cls(**checked(spec, compatible_parts(spec) | options))
 
     @property
     def batch_size(self) -> None:

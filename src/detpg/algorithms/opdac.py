@@ -8,7 +8,7 @@ from jaxtyping import PRNGKeyArray, PyTree
 
 from detpg import trees
 from detpg.actors.deterministic import deterministic_direction
-from detpg.algorithms.parts import incompatible_parts
+from detpg.algorithms.parts import checked, incompatible_parts
 from detpg.critics.td import td_error
 from detpg.policies.behaviour import GaussianBehaviour
 from detpg.types import (
@@ -65,7 +65,7 @@ class OPDAC(eqx.Module):
     @classmethod
     def create(cls, spec: EnvironmentSpec, **options: Any) -> "OPDAC":
         """The learner for an environment; a linear policy and a quadratic critic unless given."""
-        return cls(**(incompatible_parts(spec) | options))
+        return cls(**checked(spec, incompatible_parts(spec) | options))
 
     @property
     def batch_size(self) -> None:

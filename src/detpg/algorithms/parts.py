@@ -1,11 +1,14 @@
-"""The parts that a learner gets when none are named: enough for a linear-quadratic problem."""
+"""The parts of a learner: those it gets when none are named, and whether given ones fit."""
 
 from typing import Any
+
+import jax
+import jax.numpy as jnp
 
 from detpg.critics.action_values import QuadraticActionValue
 from detpg.critics.state_values import QuadraticStateValue
 from detpg.policies.linear import LinearPolicy
-from detpg.types import EnvironmentSpec
+from detpg.types import ActionValue, EnvironmentSpec
 
 
 def incompatible_parts(spec: EnvironmentSpec) -> dict[str, Any]:
@@ -25,3 +28,41 @@ def compatible_parts(spec: EnvironmentSpec) -> dict[str, Any]:
         "state_value": QuadraticStateValue(spec.observation_size),
         "gamma": spec.discount,
     }
+
+
+def checked(spec: EnvironmentSpec, parts: dict[str, Any]) -> dict[str, Any]:
+    """The same parts, refused in one sentence if they do not fit the environment or each other.
+
+    Raises:
+        ValueError: A policy whose action has the wrong shape, or a Q that ignores the action.
+    """
+    key, observation = jax.random.key(0), jnp.zeros(spec.observation_size)
+    policy = parts["policy"]
+    action = jax.eval_shape(lambda k: policy(policy.init(k), observation), key)
+    if action.shape != (spec.action_size,):
+        raise ValueError(
+            f"The policy's action has shape {action.shape}, but environment {spec.name!r} takes "
+            f"({spec.action_size},): give a policy for {spec.action_size} action components."
+        )
+    if "action_value" in parts and not _reads_action(parts["action_value"], spec):
+        raise ValueError(
+            "The action value Q(s, a) does not change with a, so its action gradient is zero and "
+            "the actor would never move: give one that reads the action."
+        )
+    return parts
+
+
+def _reads_action(action_value: ActionValue, spec: EnvironmentSpec) -> bool:
+    """Whether grad_a Q is not zero somewhere, for weights drawn at random.
+
+    Evaluated at once also under `jit`, where learners are made for each point of a grid.
+    """
+    with jax.ensure_compile_time_eval():
+        keys = jax.random.split(jax.random.key(0), 3)
+        w = jax.tree.map(
+            lambda x: jax.random.normal(keys[0], x.shape, x.dtype), action_value.init(keys[0])
+        )
+        observation = jax.random.normal(keys[1], (spec.observation_size,))
+        action = jax.random.normal(keys[2], (spec.action_size,))
+        gradient = jax.grad(action_value, argnums=2)(w, observation, action)
+        return bool(jnp.any(gradient != 0))
