@@ -41,7 +41,15 @@ def test_num_parameters_counts_every_leaf():
     assert trees.num_parameters(IsotropicGaussian(ConstantPolicy(7))) == 8
 
 
-def test_one_number_that_is_not_finite_is_found():
-    assert bool(trees.all_finite(TREE))
-    for bad in (jnp.nan, jnp.inf):
-        assert not bool(trees.all_finite({**TREE, "b": TREE["b"].at[1, 0].set(bad)}))
+def test_dot_runs_over_every_leaf():
+    other = {"a": jnp.asarray([1.0, 10.0]), "b": jnp.asarray([[2.0], [3.0]])}
+    one = {"a": jnp.asarray([5.0, 7.0]), "b": jnp.asarray([[1.0], [-1.0]])}
+    assert float(trees.dot(one, other)) == 5 + 70 + 2 - 3
+
+
+def test_zeros_like_keeps_shapes_and_dtypes():
+    zeros = trees.zeros_like(TREE)
+    assert jax.tree.map(lambda x: (x.shape, x.dtype), zeros) == jax.tree.map(
+        lambda x: (x.shape, x.dtype), TREE
+    )
+    assert not np.any(trees.to_vector(zeros))

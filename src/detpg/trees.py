@@ -45,11 +45,6 @@ def num_parameters(policy: Policy) -> int:
     return sum(math.prod(leaf.shape) for leaf in jax.tree.leaves(theta))
 
 
-def all_finite(tree: PyTree) -> Bool[Array, ""]:
-    """True if every number of the tree is finite."""
-    return jnp.all(jnp.isfinite(to_vector(tree)))
-
-
 def dot(tree: PyTree, other: PyTree) -> Float[Array, ""]:
     """Inner product of two trees of the same structure."""
     return jnp.dot(to_vector(tree), to_vector(other), precision="highest")

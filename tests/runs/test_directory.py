@@ -60,8 +60,13 @@ def test_fresh_starts_over(tmp_path: Path):
     old = enter(RunDirectory(tmp_path, CONFIG))
     old.save_shard("s", np.zeros(1))
     old.finish({})
+    (tmp_path / "claims.md").write_text("old")
+    (tmp_path / "finding.md").write_text("mine")
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "folder" / "mine.png").write_bytes(b"mine")
     new = enter(RunDirectory(tmp_path, CONFIG | {"seed": 2}), fresh=True)
     assert not new.finished
+    assert sorted(contents(tmp_path)) == ["config.json", "finding.md", "folder/mine.png"]
     assert new.shard("s") is None
     assert json.loads((tmp_path / "config.json").read_text())["seed"] == 2
 
@@ -132,6 +137,7 @@ def test_shards_survive_and_damaged_ones_are_absent(tmp_path: Path):
 
 def test_a_shard_cannot_carry_code(tmp_path: Path):
     run = enter(RunDirectory(tmp_path, CONFIG))
+    # The one place that pickles: it makes the file that must not be loaded.
     np.save(tmp_path / "shards" / "evil.npy", np.array([print], dtype=object), allow_pickle=True)
     assert run.shard("evil") is None
 

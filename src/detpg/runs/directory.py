@@ -15,6 +15,7 @@ import numpy as np
 import detpg
 
 CONFIG, SUMMARY, SHARDS, LOCK = "config.json", "summary.json", "shards", ".lock"
+WRITTEN = ("*.parquet", "*.png", "*.svg", "*.pdf", "claims.md")  # left beside the JSON files
 MARK = "detpg"  # with the version: says that a directory is ours, and whose numbers these are
 
 
@@ -64,7 +65,8 @@ class RunDirectory:
         """Creates the directory, or checks that it holds this very run; nobody else may enter.
 
         Args:
-            fresh: Start over: what an earlier run of any configuration left here is removed.
+            fresh: Start over: the shards, tables, pictures and report of an earlier run of any
+                configuration are removed; other files and folders are left alone.
 
         Raises:
             RunDirectoryError: It holds another configuration or something else, it is in use, or
@@ -105,9 +107,8 @@ class RunDirectory:
         if fresh:
             (self.path / SUMMARY).unlink(missing_ok=True)
             shutil.rmtree(self.path / SHARDS, ignore_errors=True)
-            for entry in self.path.iterdir():
-                if entry.name not in (CONFIG, LOCK):
-                    entry.unlink()
+            for entry in (found for pattern in WRITTEN for found in self.path.glob(pattern)):
+                entry.unlink()
         if fresh or not (self.path / CONFIG).exists():
             write_json(self.path / CONFIG, self.config)
         if self.finished:
@@ -156,6 +157,7 @@ class RunDirectory:
     def shard(self, name: str) -> np.ndarray | None:
         """A finished shard; None if it is absent or damaged, and so has to run (again)."""
         try:
+            # Arrays alone: an array of objects could carry code.
             return np.load(self.path / SHARDS / f"{name}.npy", allow_pickle=False)
         except (FileNotFoundError, ValueError, EOFError):
             return None
@@ -163,6 +165,7 @@ class RunDirectory:
     def save_shard(self, name: str, result: np.ndarray) -> None:
         """Keeps a finished shard."""
         content = io.BytesIO()
+        # As it is loaded: what could carry code is refused here already.
         np.save(content, result, allow_pickle=False)
         path = self.path / SHARDS / f"{name}.npy"
         write_atomically(path, lambda file: file.write(content.getbuffer()))

@@ -193,6 +193,7 @@ def _check_side_by_side(
 def _through_file(leaf: Any) -> Any:
     file = io.BytesIO()
     try:
+        # Arrays alone, as run directories keep them: nothing that is loaded may carry code.
         np.save(file, leaf, allow_pickle=False)
         file.seek(0)
         return jnp.asarray(np.load(file, allow_pickle=False))
