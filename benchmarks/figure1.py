@@ -15,7 +15,7 @@ from benchmarks.numpy_bandit import (
 from benchmarks.rows import Row
 from detpg.cli.reproduce import cores
 from detpg.executors import Processes
-from detpg.experiments.figure1 import ACTORS, COPDAC, FIGURE1, adapted
+from detpg.experiments.figure1 import ACTORS, COPDAC, FIGURE1, RECORDED, adapted
 from detpg.experiments.study import Condition
 from detpg.experiments.sweep import Shard, plan, run_shard
 
@@ -31,7 +31,7 @@ def rows(dimensions: tuple[int, ...]) -> Iterator[Row]:
         num_runs = sum(number for _, number in runs)
         share = sum(number for name, number in runs if name == COPDAC) / num_runs
         first, seconds = _time(shards)
-        value = num_runs * (FIGURE1.steps // (2 * m)) / seconds
+        value = num_runs * (RECORDED[-1] // (2 * m)) / seconds
         baseline, solved = (_baseline(m, fit, share) for fit in (by_lstsq, by_normal_equations))
         yield Row(
             id=f"figure1.sweep.m{m}",
@@ -45,7 +45,7 @@ def rows(dimensions: tuple[int, ...]) -> Iterator[Row]:
 
 
 def _shards(m: int) -> list[Shard]:
-    condition = Condition("bandit", (("m", m), ("spectrum", "mixed")))
+    condition = Condition("bandit", (("m", m), ("spectrum", "mixed")), RECORDED)
     arms = [arm for arm in FIGURE1.arms if arm.name in (COPDAC, adapted(ACTORS[0]))]
     return [
         shard
@@ -58,8 +58,6 @@ def _shards(m: int) -> list[Shard]:
             SEEDS,
             shape=FIGURE1.presets["paper"].shard,
             study_seed=0,
-            steps=FIGURE1.steps,
-            record_every=FIGURE1.record_every,
         )
     ]
 
