@@ -106,7 +106,8 @@ def rollout_gradient(
     if _flat(rollouts) and _flat(gradients(_beside(theta))):
         raise ValueError(
             "The return's gradient is exactly zero in every rollout: the environment is not "
-            "differentiable in the action (or ignores it), so give one that is."
+            "differentiable in the action or ignores it, or the policy ignores theta; give an "
+            "environment with derivatives, and a theta that the policy responds to."
         )
     return PolicyGradient(trees.mean(rollouts), rollouts)
 
