@@ -1,1 +1,1 @@
-"""Throughput against baselines, measured in the same run; `python -m benchmarks [ID-PREFIX]`."""
+"""Throughput and cost against baselines measured in the same run: `python -m benchmarks [ID-PREFIX]`."""

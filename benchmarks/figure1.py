@@ -19,22 +19,25 @@ from detpg.experiments.figure1 import ACTORS, COPDAC, FIGURE1, RECORDED, adapted
 from detpg.experiments.study import Condition
 from detpg.experiments.sweep import Shard, plan, run_shard
 
+SIZES = {f"figure1.sweep.m{m}": m for m in (10, 25, 50)}
+IDS = tuple(SIZES)
 SEEDS = 5
 BASELINE_UPDATES = 400
 
 
-def rows(dimensions: tuple[int, ...]) -> Iterator[Row]:
+def rows(wanted: tuple[str, ...]) -> Iterator[Row]:
     """One row for each m: the whole sweep of both learners, all cores, compile time apart."""
-    for m in dimensions:
+    for name in wanted:
+        m = SIZES[name]
         shards = _shards(m)
         runs = [(shard.arm.name, len(shard.points[0][1]) * len(shard.seeds)) for shard in shards]
         num_runs = sum(number for _, number in runs)
-        share = sum(number for name, number in runs if name == COPDAC) / num_runs
+        share = sum(number for arm, number in runs if arm == COPDAC) / num_runs
         first, seconds = _time(shards)
         value = num_runs * (RECORDED[-1] // (2 * m)) / seconds
         baseline, solved = (_baseline(m, fit, share) for fit in (by_lstsq, by_normal_equations))
         yield Row(
-            id=f"figure1.sweep.m{m}",
+            id=name,
             value=value,
             unit="batch updates/s",
             baseline=baseline,
