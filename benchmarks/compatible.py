@@ -5,10 +5,12 @@ vector-Jacobian product. Beside it the same update with the m by n Jacobian writ
 """
 
 import dataclasses
+import math
 import os
 import time
 from collections.abc import Callable, Iterator
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray
@@ -20,7 +22,7 @@ from detpg.algorithms.copdac_q import COPDACQState
 from detpg.critics import td_error
 from detpg.executors import Processes
 from detpg.policies import LinearPolicy, MLPPolicy
-from detpg.types import Number, Observation, Transition
+from detpg.types import Bounds, Number, Observation, Transition
 
 IDS = ("compatible.double_m", "compatible.double_n")
 ROUNDS = 15
@@ -30,7 +32,7 @@ Update = Callable[[COPDACQ, COPDACQState, Transition], COPDACQState]
 
 
 @dataclasses.dataclass(frozen=True)
-class LinearStateValue:
+class ObservationValue:
     """V^v(s) = v^T s: costs next to nothing beside the policy.
 
     Attributes:
@@ -122,17 +124,20 @@ def example(policy: Sized) -> tuple[COPDACQ, COPDACQState, Transition]:
     """A learner, a state in which no weight is zero, and a transition."""
     d = policy.observation_size
     small = jnp.asarray(1e-9)  # costs what any step size costs, and the numbers stay as they are
-    learner = COPDACQ(policy, LinearStateValue(d), alpha_theta=small, alpha_w=small, alpha_v=small)
+    steps = {"alpha_theta": small, "alpha_w": small, "alpha_v": small}
+    m = policy.action_size
+    bounds = Bounds((-math.inf,) * m, (math.inf,) * m)
+    learner = COPDACQ(policy, ObservationValue(d), bounds, **steps)
     keys = jax.random.split(jax.random.key(0), 4)
     state = learner.init(keys[0])
     w = jax.random.normal(keys[1], trees.to_vector(state.w).shape)
     # theta as it is at first: saturated units would make numbers too small for full speed.
-    state = COPDACQState(theta=state.theta, w=trees.like(state.w, w), v=state.v)
+    state = eqx.tree_at(lambda s: s.w, state, trees.like(state.w, w))
     observations = jax.random.normal(keys[2], (2, d))
     actions = jax.random.normal(keys[3], (2, policy.action_size))
     reward, end = jnp.asarray(1.0), jnp.asarray(False)
-    steps = observations[0], actions[0], reward, observations[1], actions[1], end
-    return learner, state, Transition(*steps)
+    experience = observations[0], actions[0], reward, observations[1], actions[1], end
+    return learner, state, Transition(*experience)
 
 
 def products(learner: COPDACQ, state: COPDACQState, transition: Transition) -> COPDACQState:
@@ -155,4 +160,5 @@ def jacobian(learner: COPDACQ, state: COPDACQState, transition: Transition) -> C
         theta=trees.add_scaled(theta, learner.alpha_theta, trees.like(theta, (J @ w) @ J)),
         w=trees.like(state.w, w + learner.alpha_w * delta * phi),
         v=state.v + learner.alpha_v * delta * phi_v,
+        deviation=transition.action - learner.policy(theta, s),
     )
