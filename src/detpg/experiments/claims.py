@@ -8,7 +8,7 @@ import numpy as np
 
 from detpg.evaluation.intervals import NUM_RESAMPLES, bootstrap_means, interval
 
-Verdict = Literal["reproduced", "not reproduced", "inconclusive"]
+Verdict = Literal["reproduced", "not reproduced", "inconclusive", "no number to compare"]
 WITHIN = 3.0
 MAX_LOST = 0.05
 

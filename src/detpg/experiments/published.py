@@ -8,16 +8,19 @@ import numpy as np
 SOURCE = "Silver et al. (2014)"
 
 
-def published_curve(figure: str, panel: str, series: str) -> tuple[np.ndarray, np.ndarray]:
+def published_curve(
+    figure: str, panel: str, series: str, columns: tuple[str, ...] = ("x", "y")
+) -> tuple[np.ndarray, ...]:
     """One plotted curve.
 
     Args:
-        figure: "figure1".
-        panel: "m=10" and the like.
+        figure: "figure1" and the like.
+        panel: "m=10", "pendulum" and the like.
         series: Label in the paper's legend.
+        columns: What is wanted; figure 2 also has "low" and "high", one standard error around y.
 
     Returns:
-        x and y as plotted, shape (points,) each.
+        Each column as plotted, shape (points,).
 
     Raises:
         KeyError: There is no such curve.
@@ -27,7 +30,7 @@ def published_curve(figure: str, panel: str, series: str) -> tuple[np.ndarray, n
     rows = [r for r in lines if (r["panel"], r["series"]) == (panel, series)]
     if not rows:
         raise KeyError(f"no published curve {panel!r}, {series!r} in {figure}")
-    return np.array([float(r["x"]) for r in rows]), np.array([float(r["y"]) for r in rows])
+    return tuple(np.array([float(row[column]) for row in rows]) for column in columns)
 
 
 def published_value(figure: str, panel: str, series: str, x: float, num_points: int = 1) -> float:

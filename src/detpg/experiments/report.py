@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from collections import Counter
 from typing import Any
 
 from detpg.experiments.claims import Claim
@@ -20,15 +21,16 @@ def claims_page(
         selected: One record for each learner on each problem, as in `summary.json`.
         claims: Judged claims, those of one reading side by side.
     """
-    counts = {v: sum(c.verdict == v for c in claims) for v in ("reproduced", "not reproduced")}
+    counts = Counter(claim.verdict for claim in claims)
+    unjudged = counts["no number to compare"]
     head = [
         f"# {study.name}: {study.title}",
         "",
         f"Section {study.section} of Silver et al. (2014). {study.claim}",
         "",
-        f"Preset `{preset}`, seed {seed}: {counts['reproduced']} of {len(claims)} claims "
-        f"reproduced, {counts['not reproduced']} not, "
-        f"{len(claims) - sum(counts.values())} inconclusive.",
+        f"Preset `{preset}`, seed {seed}: {counts['reproduced']} of {len(claims) - unjudged} "
+        f"claims reproduced, {counts['not reproduced']} not, {counts['inconclusive']} inconclusive"
+        + (f"; {unjudged} further measurements have no published number." if unjudged else "."),
         "",
         study.verdicts,
         "",

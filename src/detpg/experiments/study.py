@@ -55,6 +55,7 @@ class Arm:
         options: Static options of the algorithm.
         grid: Hyper-parameter -> values; a point is one of each.
         profile: A hyper-parameter at each value of which the best points are also kept.
+        ties: (hyper-parameter, another one of the grid whose value it takes).
     """
 
     name: str
@@ -62,6 +63,12 @@ class Arm:
     options: Options
     grid: tuple[tuple[str, tuple[float, ...]], ...]
     profile: str | None = None
+    ties: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The hyper-parameters that a point sets."""
+        return (*(name for name, _ in self.grid), *(name for name, _ in self.ties))
 
     def points(self, thin: Options = ()) -> dict[str, np.ndarray]:
         """All points of the grid, one array per hyper-parameter, the last one fastest.
@@ -72,7 +79,8 @@ class Arm:
         strides = dict(thin)
         axes = [values[:: strides.get(name, 1)] for name, values in self.grid]
         points = np.array(list(itertools.product(*axes)), dtype=np.float64)
-        return {name: points[:, i] for i, (name, _) in enumerate(self.grid)}
+        columns = {name: points[:, i] for i, (name, _) in enumerate(self.grid)}
+        return columns | {name: columns[source] for name, source in self.ties}
 
 
 @dataclasses.dataclass(frozen=True)

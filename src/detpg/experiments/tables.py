@@ -123,7 +123,7 @@ def _axes(
 
 
 def _hyper_names(study: Study) -> list[str]:
-    return sorted({name for arm in study.arms for name, _ in arm.grid})
+    return sorted({name for arm in study.arms for name in arm.names})
 
 
 def _schema(study: Study, columns: dict[str, pa.DataType]) -> pa.Schema:
