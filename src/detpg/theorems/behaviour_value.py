@@ -165,13 +165,8 @@ def mean_slopes(
 def _ring(num_runs: int) -> tuple[tuple[Check, ...], tuple[Point, ...]]:
     """Tabular critic: five values and five slopes."""
     world, theta = ring()
-    learner = COPDACQ(
-        policy=LinearPolicy(len(RING_THETA), 1),
-        state_value=Linear(len(RING_THETA)),
-        gamma=world.gamma,
-        alpha_theta=0.0,
-        sigma=RING_WIDTH,
-    )
+    value = Linear(len(RING_THETA))
+    learner = COPDACQ.create(world.spec, state_value=value, alpha_theta=0.0, sigma=RING_WIDTH)
     found = learn(learner, world, theta, (0.2, 0.05), num_runs)
     exact = jax.jit(mean_slopes)
     value, slope = exact(world, theta, jnp.asarray(RING_WIDTH))
