@@ -1,1 +1,1 @@
-"""Throughput and cost against baselines measured in the same run: `python -m benchmarks [ID-PREFIX]`."""
+"""Throughput and cost beside baselines of the same run: `python -m benchmarks [ID-PREFIX]`."""
