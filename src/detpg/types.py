@@ -51,6 +51,11 @@ class Bounds(NamedTuple):
     low: tuple[float, ...]
     high: tuple[float, ...]
 
+    @classmethod
+    def unbounded(cls, action_size: int) -> "Bounds":
+        """Every action is legal."""
+        return cls((-math.inf,) * action_size, (math.inf,) * action_size)
+
 
 @dataclasses.dataclass(frozen=True)
 class EnvironmentSpec:

@@ -4,7 +4,7 @@ The learners' own updates are averaged over every transition; that map is affine
 do follows from matrices written out in NumPy.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -40,6 +40,7 @@ from detpg.theorems.record import (
     rounding,
 )
 from detpg.theorems.worlds import Linear
+from detpg.types import Bounds
 
 RING_THETA = np.array([0.2, -0.3, 0.4])
 RING_SHIFT, RING_WIDTH = 0.6, 0.7
@@ -73,14 +74,14 @@ def follow(
     algorithm, options = ALGORITHMS[name]
     sizes = dict.fromkeys(("alpha_w", "alpha_v"), step)
     sizes |= {"alpha_u": step} if algorithm is COPDACGQ else {}
-    learner = algorithm(
-        policy=LinearPolicy(theta.size, 1),
-        state_value=Linear(theta.size),
-        gamma=gamma,
-        alpha_theta=0.0,
-        **sizes,
-        **options,
-    )
+    parts: dict[str, Any] = {
+        "policy": LinearPolicy(theta.size, 1),
+        "state_value": Linear(theta.size),
+        "bounds": Bounds.unbounded(1),
+        "gamma": gamma,
+        "alpha_theta": 0.0,
+    }
+    learner = algorithm(**parts, **sizes, **options)
     start = learner.init(jax.random.key(0))
     start = eqx.tree_at(lambda s: (s.theta, s.v), start, (jnp.asarray(theta)[None], jnp.asarray(v)))
     every = num_updates // STORED
