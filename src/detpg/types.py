@@ -48,6 +48,8 @@ class EnvironmentSpec:
         action_high: Upper bound of each action component.
         time_limit: Steps after which an episode is cut; 1 for a bandit.
         discount: gamma, as used in the paper for this environment.
+        observation_low: Lower bound of each observation component; empty: unbounded or unknown.
+        observation_high: Upper bound of each observation component.
     """
 
     name: str
@@ -57,6 +59,8 @@ class EnvironmentSpec:
     action_high: tuple[float, ...]
     time_limit: int
     discount: float
+    observation_low: tuple[float, ...] = ()
+    observation_high: tuple[float, ...] = ()
 
 
 @runtime_checkable
@@ -75,6 +79,16 @@ class Environment(Protocol):
     def terminated(self, state: PyTree) -> Bool[Array, ""]: ...
 
     def observe(self, state: PyTree) -> Observation: ...
+
+
+@runtime_checkable
+class Features(Protocol):
+    """x(s): `size`, `__call__`."""
+
+    @property
+    def size(self) -> int: ...
+
+    def __call__(self, observation: Observation) -> Float[Array, "feat"]: ...
 
 
 @runtime_checkable

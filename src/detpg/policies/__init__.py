@@ -7,11 +7,12 @@ Next: the action goes to the world; its parameter gradient to the features (`det
 from detpg.policies.behaviour import GaussianBehaviour
 from detpg.policies.constant import ConstantPolicy
 from detpg.policies.gaussian import GaussianParameters, IsotropicGaussian
-from detpg.policies.linear import LinearPolicy
+from detpg.policies.linear import FeaturePolicy, LinearPolicy
 from detpg.policies.mlp import MLPPolicy
 
 __all__ = [
     "ConstantPolicy",
+    "FeaturePolicy",
     "GaussianBehaviour",
     "GaussianParameters",
     "IsotropicGaussian",
