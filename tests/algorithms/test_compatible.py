@@ -11,7 +11,7 @@ from detpg.algorithms.copdac_q import COPDACQState
 from detpg.environments import LQR
 from detpg.policies import LinearPolicy
 from detpg.training import train
-from detpg.types import Transition
+from detpg.types import Bounds, Transition
 
 
 class Weight:
@@ -25,7 +25,9 @@ class Weight:
 
 
 WEIGHT = Weight()
-PARTS = {"policy": LinearPolicy(2, 1), "state_value": WEIGHT}
+UNBOUNDED = Bounds((-np.inf,), (np.inf,))
+PARTS = {"policy": LinearPolicy(2, 1), "state_value": WEIGHT, "bounds": UNBOUNDED}
+REST = jnp.zeros(1)
 STEPS = {"gamma": 0.5, "alpha_theta": 0.1, "alpha_w": 0.2, "alpha_v": 0.4}
 
 
@@ -46,7 +48,10 @@ def test_copdac_q_by_hand(terminated: bool, delta: float):
     """mu = 0.5*1 + 0.25*2 = 1; phi = 2 s; Q = w.phi + v.s = 2*(0.5*1+0.5*2) + 1*1+0.5*2 = 5."""
     learner = COPDACQ(**PARTS, **STEPS)
     state = COPDACQState(
-        theta=jnp.asarray([[0.5, 0.25]]), w=jnp.asarray([[0.5, 0.5]]), v=jnp.asarray([1.0, 0.5])
+        theta=jnp.asarray([[0.5, 0.25]]),
+        w=jnp.asarray([[0.5, 0.5]]),
+        v=jnp.asarray([1.0, 0.5]),
+        deviation=REST,
     )
     after, info = learner.update(jax.random.key(0), state, transition(terminated))
     # delta = 4 + 0.5 * V(s') - 5 with V(s') = 2, or 0 where s' is terminal
@@ -59,7 +64,9 @@ def test_copdac_q_by_hand(terminated: bool, delta: float):
 
 def test_the_natural_form_steps_along_w():
     learner = COPDACQ(**PARTS, **STEPS, natural=True)
-    state = COPDACQState(jnp.zeros((1, 2)), w=jnp.asarray([[3.0, -1.0]]), v=jnp.zeros(2))
+    state = COPDACQState(
+        jnp.zeros((1, 2)), w=jnp.asarray([[3.0, -1.0]]), v=jnp.zeros(2), deviation=REST
+    )
     after, _ = learner.update(jax.random.key(0), state, transition())
     np.testing.assert_allclose(after.theta, [[0.3, -0.1]], rtol=1e-6)
 
@@ -72,7 +79,9 @@ def test_copdac_gq_against_the_explicit_formula(correction, terminated):
     theta, w = np.array([[0.5, 0.25]]), np.array([0.5, -0.5])
     v, u, z = np.array([1.0, 0.5]), np.array([0.2, 0.1]), np.array([-0.3, 0.4])
     z = z if correction == "full" else 0 * z
-    state = COPDACGQState(*(jnp.asarray(x, dtype=float) for x in (theta, w[None], v, u[None], z)))
+    state = COPDACGQState(
+        *(jnp.asarray(x, dtype=float) for x in (theta, w[None], v, u[None], z, REST))
+    )
     after, _ = learner.update(jax.random.key(0), state, transition(terminated))
 
     s, next_s = np.array([1.0, 2.0]), np.array([2.0, 0.0])

@@ -1,4 +1,4 @@
-"""Policies that are linear in theta: mu_theta(s) = theta s, and theta x(s) on features x."""
+"""mu_theta(s) = theta s, or theta x(s): policies that are linear in the observation or features."""
 
 import dataclasses
 
@@ -30,10 +30,10 @@ class LinearPolicy:
 
 @dataclasses.dataclass(frozen=True)
 class FeaturePolicy:
-    """mu_theta(s) = theta x(s), theta an m by `features.size` matrix.
+    """mu_theta(s) = theta x(s), theta an m by n matrix, x any features.
 
     Attributes:
-        features: x(s).
+        features: x.
         action_size: m.
     """
 
