@@ -5,10 +5,10 @@ vector-Jacobian product. Beside it the same update with the m by n Jacobian writ
 """
 
 import dataclasses
-import math
 import os
 import time
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -124,9 +124,8 @@ def example(policy: Sized) -> tuple[COPDACQ, COPDACQState, Transition]:
     """A learner, a state in which no weight is zero, and a transition."""
     d = policy.observation_size
     small = jnp.asarray(1e-9)  # costs what any step size costs, and the numbers stay as they are
-    steps = {"alpha_theta": small, "alpha_w": small, "alpha_v": small}
-    m = policy.action_size
-    bounds = Bounds((-math.inf,) * m, (math.inf,) * m)
+    steps: dict[str, Any] = {"alpha_theta": small, "alpha_w": small, "alpha_v": small}
+    bounds = Bounds.unbounded(policy.action_size)
     learner = COPDACQ(policy, ObservationValue(d), bounds, **steps)
     keys = jax.random.split(jax.random.key(0), 4)
     state = learner.init(keys[0])

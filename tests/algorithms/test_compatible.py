@@ -27,7 +27,7 @@ class Weight:
 
 
 WEIGHT = Weight()
-UNBOUNDED = Bounds((-np.inf,), (np.inf,))
+UNBOUNDED = Bounds.unbounded(1)
 PARTS = {"policy": LinearPolicy(2, 1), "state_value": WEIGHT, "bounds": UNBOUNDED}
 REST = jnp.zeros(1)
 STEPS = {"gamma": 0.5, "alpha_theta": 0.1, "alpha_w": 0.2, "alpha_v": 0.4}

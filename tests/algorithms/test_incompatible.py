@@ -27,7 +27,7 @@ class Product:
         return w[0] * action[0] * observation[0] - w[1] * action[0] ** 2
 
 
-UNBOUNDED = Bounds((-np.inf,), (np.inf,))
+UNBOUNDED = Bounds.unbounded(1)
 PARTS = {
     "policy": LinearPolicy(1, 1),
     "action_value": Product(),

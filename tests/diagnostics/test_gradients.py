@@ -29,7 +29,8 @@ class Echo(Chain):
     """Earns the action; past its end nothing is a number."""
 
     def reward(self, state, action, next_state):
-        return jnp.where(state.position >= self.length, jnp.nan, action[0] * action[0])
+        past = state.position >= self.length
+        return jnp.where(past, jnp.nan, 1.0) * action[0] ** 2
 
 
 class Stairs(Chain):

@@ -136,7 +136,7 @@ def test_corrected_numbers_are_right_on_average_and_errors_are_not_too_small(kno
     def once(key):
         keys = jax.random.split(key, 3)
         sampled = truth[None, :] + 0.5 * jax.random.normal(keys[0], (size, n))
-        rollouts = goal[None, :] + 0.5 * jax.random.normal(keys[1], (4 * size, n))
+        rollouts = goal[None, :] + 0.5 * jax.random.normal(keys[1], (size, n))
         rough = PolicyGradient(jnp.mean(rollouts, axis=0), rollouts)
         exact = PolicyGradient(goal) if known else rough
         found = direction_quality(sampled, exact, keys[2], num_resamples=200)
@@ -155,7 +155,7 @@ def test_corrected_numbers_are_right_on_average_and_errors_are_not_too_small(kno
     error = spread / np.sqrt(repeats)
     # The correction takes out the first order of the noise: of its part t in the squared length of
     # the mean, t^2 is left, and t / size since a resampled variance is that much too small.
-    t = 0.25 * n * (1 / size + (0 if known else 1 / (4 * size)))
+    t = 0.25 * n * (1 / size + (0 if known else 1 / size))
     left = np.asarray([t / size, t**2, t**2, 0])
     assert np.all(np.abs(found.mean(axis=0) - np.asarray(values)) < 4 * error + left)
     # The spread's own relative error is 1 / sqrt(2 repeats). Where the bias is 0 or the cosine 1

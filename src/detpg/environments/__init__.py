@@ -6,11 +6,26 @@ Next: the observation goes to a policy (`detpg.policies`).
 
 from detpg.environments.bandit import QuadraticBandit
 from detpg.environments.lqr import LQR
+from detpg.environments.mountain_car import MountainCar
+from detpg.environments.pendulum import Pendulum
+from detpg.environments.puddle_world import PuddleWorld
+from detpg.environments.scaled_actions import ScaledActions
 from detpg.types import Environment
 
 ENVIRONMENTS: dict[str, type[Environment]] = {
     "bandit": QuadraticBandit,
     "lqr": LQR,
+    "mountain-car": MountainCar,
+    "pendulum": Pendulum,
+    "puddle-world": PuddleWorld,
 }
 
-__all__ = ["ENVIRONMENTS", "LQR", "QuadraticBandit"]
+__all__ = [
+    "ENVIRONMENTS",
+    "LQR",
+    "MountainCar",
+    "Pendulum",
+    "PuddleWorld",
+    "QuadraticBandit",
+    "ScaledActions",
+]
