@@ -34,7 +34,7 @@ def made_up(advantage_gap: float, lost: bool = False) -> Results:
     if lost:
         for condition in FIGURE1.conditions[:2]:
             costs[condition, adapted(ACTORS[0]), "fresh"] *= np.nan
-    return Results(FIGURE1, selections, costs, points, seed=0)
+    return Results(FIGURE1, selections, costs, {}, points, seed=0)
 
 
 def test_every_dimension_and_reading_is_judged():

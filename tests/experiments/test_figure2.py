@@ -83,7 +83,7 @@ def results(final: dict[str, np.ndarray]) -> Results:
         costs[TASK, name, "fresh"] = runs
         points[name] = {}
     selections = {(TASK, name): choice for name in final}
-    return Results(study, selections, costs, points, seed=0)
+    return Results(study, selections, costs, {}, points, seed=0)
 
 
 def claims(**levels: np.ndarray):
@@ -125,9 +125,7 @@ def test_a_run_that_is_not_finite_is_counted_and_never_wins():
 def shard(points: dict[str, np.ndarray], num_seeds: int = 3):
     condition = Condition("mountain-car", (), (0, 500, 1000))
     arm = dataclasses.replace(ARMS[0], grid=())
-    (one,) = plan(
-        condition, arm, "sweep", points, num_seeds, shape=(4, num_seeds), study_seed=5
-    )
+    (one,) = plan(condition, arm, "sweep", points, num_seeds, shape=(4, num_seeds), study_seed=5)
     return one
 
 
@@ -136,9 +134,10 @@ def test_a_shard_of_compiled_runs():
     point = {"alpha_theta": 0.1, "alpha_w": 0.3, "alpha_v": 1.0, "sigma": 0.5}
     twice = {name: np.array([value, value]) for name, value in point.items()}
     costs = run_kernel_shard(shard(twice))
-    assert costs.shape == (2, 3, 3)
+    assert costs.shape == (2, 3, 3, 3)
     assert costs.dtype == np.float32
-    assert np.all(costs[:, :, 0] == 5000)
+    # untrained: cost, steps of the episode, share of steps out of the legal range
+    assert np.all(costs[:, :, 0] == [5000, 5000, 0])
     np.testing.assert_array_equal(costs[0], costs[1])
     other = run_kernel_shard(shard({name: values[:1] for name, values in twice.items()}, 2))
     np.testing.assert_array_equal(other[0], costs[0, :2])
@@ -147,7 +146,7 @@ def test_a_shard_of_compiled_runs():
 def test_a_diverging_point_is_nan_to_the_end():
     wild = {"alpha_theta": 0.1, "alpha_w": 100.0, "alpha_v": 100.0, "sigma": 0.5}
     costs = run_kernel_shard(shard({name: np.array([value]) for name, value in wild.items()}))
-    assert np.isnan(costs[:, :, -1]).all()
+    assert np.isnan(costs[:, :, -1, 0]).all()
 
 
 def test_the_tile_coder_of_the_study():

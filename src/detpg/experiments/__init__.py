@@ -5,10 +5,12 @@ Next: `detpg.figures` draws them.
 """
 
 from detpg.experiments.figure1 import FIGURE1
+from detpg.experiments.figure2 import FIGURE2
 from detpg.experiments.study import Study
 
 STUDIES: dict[str, Study] = {
     "figure1": FIGURE1,
+    "figure2": FIGURE2,
 }
 
 __all__ = ["STUDIES", "Study"]

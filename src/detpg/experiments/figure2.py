@@ -3,7 +3,7 @@
 import numpy as np
 
 from detpg.experiments.figure2_claims import VERDICTS, judge
-from detpg.experiments.kernel_shards import run_kernel_shard
+from detpg.experiments.kernel_shards import FURTHER, run_kernel_shard
 from detpg.experiments.study import Arm, Condition, Preset, Study
 
 NUM_TIMES = 20
@@ -53,6 +53,7 @@ ARMS = (
     Arm("COPDAC-Q, natural", "copdac-q", (("natural", True),), _NATURAL),
     Arm("COPDAC-GQ", "copdac-gq", (), _GRADIENT),
 )
+_CONTROLLED = ("SAC, controlled", "OffPAC, controlled")
 _EXTRA = ("COPDAC-Q, natural", "COPDAC-GQ")
 _THIN = (("alpha_theta", 2), ("alpha_w", 2), ("alpha_v", 2), ("alpha_u", 2), ("alpha_y", 2))
 _SPARSE = (("alpha_theta", 4), ("alpha_w", 3), ("alpha_v", 3), ("alpha_u", 4), ("alpha_y", 3))
@@ -78,7 +79,12 @@ FIGURE2 = Study(
     verdicts=VERDICTS,
     presets={
         "smoke": Preset(
-            _SPARSE, sweep_seeds=2, fresh_seeds=10, interval_seeds=0, shard=(8, 10), without=_EXTRA
+            _SPARSE,
+            sweep_seeds=2,
+            fresh_seeds=5,
+            interval_seeds=0,
+            shard=(4, 5),
+            without=(*_EXTRA, *_CONTROLLED, "OffPAC, as printed"),
         ),
         "quick": Preset(
             _THIN, sweep_seeds=3, fresh_seeds=30, interval_seeds=0, shard=(16, 10), without=_EXTRA
@@ -87,4 +93,5 @@ FIGURE2 = Study(
     },
     run_shard=run_kernel_shard,
     judge=judge,
+    further=FURTHER,
 )

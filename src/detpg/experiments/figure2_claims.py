@@ -51,7 +51,10 @@ VERDICTS = (
 def judge(results: Results) -> list[Claim]:
     """Every claim on every task, in both settings of the baselines."""
     claims: list[Claim] = []
-    for setting, arms in SETTINGS.items():
+    for setting, named in SETTINGS.items():
+        arms = {series: arm for series, arm in named.items() if arm in results.points}
+        if not arms:
+            continue
         reading = f"Baselines {setting}"
         members = {COPDAC: COPDAC} | arms
         for condition in results.study.conditions:

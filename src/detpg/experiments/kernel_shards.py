@@ -12,6 +12,7 @@ from detpg.kernels import run
 
 # Seeds of different phases never meet: a phase has fewer than this many.
 PHASE_RUNS = 1_000_000
+FURTHER = ("episode_steps", "saturated")  # steps of the episode; share with actions out of range
 
 
 @functools.cache
@@ -21,13 +22,14 @@ def tile_coder(task: str) -> TileCoding:
 
 
 def run_kernel_shard(shard: Shard) -> np.ndarray:
-    """Cost, the negative return of the mean policy, of every run of a shard, float32.
+    """Negative return of the mean policy of each run of a shard, its steps and saturation, float32.
 
     All points of a study meet the same noise in the run of a given number: they are compared in
     pairs. Actions are in units of the legal range; step sizes are divided by the active features.
 
     Returns:
-        Shape (points, seeds, time); NaN from where a run is no longer finite.
+        Shape (points, seeds, time, 3); NaN from where a run is no longer finite. The last axis has
+        the cost and what `FURTHER` names.
     """
     task, coder = shard.condition.environment, tile_coder(shard.condition.environment)
     hyper = {name: np.asarray(values) for name, values in shard.points}
@@ -45,4 +47,5 @@ def run_kernel_shard(shard: Shard) -> np.ndarray:
         options=dict(shard.arm.options),
         features=coder,
     )
-    return (-curves.returns).astype(np.float32)
+    measured = -curves.returns, curves.steps, curves.saturated
+    return np.stack(measured, axis=-1).astype(np.float32)

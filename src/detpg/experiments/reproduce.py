@@ -52,7 +52,8 @@ class Reproduction:
         run = self.study.run_shard
         executor = InProcess(run) if self.workers == 1 else Processes(run, self.workers)
         with executor:
-            sweep = self._phase(executor, "sweep", {(c, arm): grids[arm.name] for c, arm in cells})
+            every = {(c, arm): grids[arm.name] for c, arm in cells}
+            sweep, _ = self._phase(executor, "sweep", every)
             selections = {
                 (c, arm.name): select(
                     sweep[c, arm.name], grids[arm.name], self.study.rules, arm.profile, *judged
@@ -64,10 +65,12 @@ class Reproduction:
                 for c, arm in cells
             }
             costs: dict[tuple[Condition, str, Phase], np.ndarray] = {}
+            extras: dict[tuple[Condition, str, Phase], dict[str, np.ndarray]] = {}
             for phase in ("fresh", "interval"):
-                done = self._phase(executor, phase, chosen)
+                done, beside = self._phase(executor, phase, chosen)
                 costs |= {(c, name, phase): values for (c, name), values in done.items()}
-        results = Results(self.study, selections, costs, grids, self.seed)
+                extras |= {(c, name, phase): values for (c, name), values in beside.items()}
+        results = Results(self.study, selections, costs, extras, grids, self.seed)
         write_tables(results, sweep, self.directory.path)
         cells_run = [*sweep.items(), *((key[:2], values) for key, values in costs.items())]
         self._write_report(
@@ -80,8 +83,11 @@ class Reproduction:
         executor: InProcess | Processes,
         phase: Phase,
         points: dict[tuple[Condition, Arm], Grid],
-    ) -> Cells:
-        """Cost (points, seeds, time) of every cell, from finished shards where they exist."""
+    ) -> tuple[Cells, dict[tuple[Condition, str], dict[str, np.ndarray]]]:
+        """Cost (points, seeds, time) of every cell, and the further measures.
+
+        From finished shards where they exist.
+        """
         scale = self.study.presets[self.preset]
         plans = {
             (condition, arm.name): plan(
@@ -97,11 +103,19 @@ class Reproduction:
         }
         shards = [shard for cell in plans.values() for shard in cell]
         found = self._complete(executor, phase, shards)
-        return {
+        joined = {
             cell: join(members, [found[shard.name] for shard in members])
             for cell, members in plans.items()
             if members
         }
+        further = self.study.further
+        if not further:
+            return joined, {cell: {} for cell in joined}
+        extras = {
+            cell: {name: values[..., 1 + i] for i, name in enumerate(further)}
+            for cell, values in joined.items()
+        }
+        return {cell: values[..., 0] for cell, values in joined.items()}, extras
 
     def _complete(
         self, executor: InProcess | Processes, phase: Phase, shards: list[Shard]

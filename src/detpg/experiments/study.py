@@ -119,6 +119,7 @@ class Results:
         study: The study.
         selections: (condition, arm name) -> the chosen points and their sweep scores.
         costs: (condition, arm name, phase) -> cost of shape (selected, seeds, time).
+        extras: (condition, arm name, phase) -> the study's further measures, by name.
         points: Arm name -> its grid points.
         seed: The study's seed.
     """
@@ -126,14 +127,22 @@ class Results:
     study: "Study"
     selections: dict[tuple[Condition, str], Selection]
     costs: dict[tuple[Condition, str, Phase], np.ndarray]
+    extras: dict[tuple[Condition, str, Phase], dict[str, np.ndarray]]
     points: dict[str, dict[str, np.ndarray]]
     seed: int
 
     def runs(self, condition: Condition, arm: str, role: str) -> np.ndarray:
         """Cost of shape (runs, time) of a chosen point: the interval runs where there are any."""
         row = self.selections[condition, arm].row(role)
-        many = self.costs.get((condition, arm, "interval"))
-        return (self.costs[condition, arm, "fresh"] if many is None else many)[row]
+        return self.costs[condition, arm, self._phase(condition, arm)][row]
+
+    def extra(self, condition: Condition, arm: str, role: str, name: str) -> np.ndarray:
+        """A further measure of the same runs, shape (runs, time)."""
+        row = self.selections[condition, arm].row(role)
+        return self.extras[condition, arm, self._phase(condition, arm)][name][row]
+
+    def _phase(self, condition: Condition, arm: str) -> Phase:
+        return "interval" if (condition, arm, "interval") in self.costs else "fresh"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -148,15 +157,17 @@ class Study:
         conditions: The problems.
         arms: The learners.
         metric: What is recorded, in words, with its unit.
-        measured: "cost", lower is better, or "return", whose negative is the cost everywhere but
-            in tables and pictures.
+        measured: "cost" or "steps", lower is better, or "return", whose negative is the cost
+            everywhere but in tables and pictures.
+        further: Names of what is recorded beside it.
         lost_above: A cost that no run starts with: one that ends above it has diverged. None: only
             a run that is not finite has.
         num_final: Recordings whose mean is the final cost.
         rules: What "best performing" may mean: each picks its own points.
         verdicts: How the claims are judged, for the head of the report.
         presets: Name -> how much is run.
-        run_shard: What a worker does: from a Shard to costs of shape (points, seeds, time).
+        run_shard: What a worker does: from a Shard to costs of shape (points, seeds, time), or
+            with a last axis for the cost and the further measures where there are any.
         judge: From results to claims.
     """
 
@@ -167,7 +178,7 @@ class Study:
     conditions: tuple[Condition, ...]
     arms: tuple[Arm, ...]
     metric: str
-    measured: Literal["cost", "return"]
+    measured: Literal["cost", "return", "steps"]
     lost_above: float | None
     num_final: int
     rules: tuple[Rule, ...]
@@ -175,6 +186,7 @@ class Study:
     presets: dict[str, Preset]
     run_shard: Callable[[Any], np.ndarray]
     judge: Callable[[Results], list[Claim]]
+    further: tuple[str, ...] = ()
 
     def arms_of(self, preset: str) -> tuple[Arm, ...]:
         """The learners that a preset runs."""

@@ -48,9 +48,9 @@ def write_tables(results: Results, sweep: Cells, directory: Path) -> None:
             axes = _axes(results, condition, arms[name], "sweep", values.shape, range(len(values)))
             table.block(axes, _runs(values, study))
             scores.block(axes, _scores(values, study))
-    roles = {"role": pa.string()}
+    roles, further = {"role": pa.string()}, dict.fromkeys(study.further, pa.float32())
     with (
-        TableWriter(directory / "curves.parquet", _schema(study, roles | runs)) as table,
+        TableWriter(directory / "curves.parquet", _schema(study, roles | runs | further)) as table,
         TableWriter(directory / "bands.parquet", _schema(study, roles | BANDS)) as bands,
     ):
         for (condition, name, phase), values in results.costs.items():
@@ -58,7 +58,7 @@ def write_tables(results: Results, sweep: Cells, directory: Path) -> None:
             points = [choice.index for choice in choices]
             axes = _axes(results, condition, arms[name], phase, values.shape, points)
             axes["role"] = (0, [choice.role for choice in choices])
-            table.block(axes, _runs(values, study))
+            table.block(axes, _runs(values, study) | results.extras[condition, name, phase])
             bands.block(axes | {"step": (1, list(condition.times))}, _bands(values, study))
 
 

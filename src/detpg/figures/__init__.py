@@ -6,10 +6,11 @@ In: the tables of a run directory. Out: png, svg and pdf files beside them.
 from collections.abc import Callable
 from pathlib import Path
 
-from detpg.figures import figure1, theorems
+from detpg.figures import figure1, figure2, theorems
 
 FIGURES: dict[str, tuple[tuple[str, ...], Callable[[Path], None]]] = {
     "figure1": (figure1.FILES, figure1.draw),
+    "figure2": (figure2.FILES, figure2.draw),
     "theorems": (theorems.FILES, theorems.draw),
 }
 

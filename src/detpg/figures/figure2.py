@@ -7,6 +7,7 @@ import numpy as np
 import polars as pl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 
 from detpg.experiments.figure2 import ARMS, HORIZONS
 from detpg.experiments.figure2_claims import COPDAC, SETTINGS
@@ -51,6 +52,7 @@ def _curves(bands: pl.DataFrame) -> Figure:
     for row, (setting, arms) in zip(axes, SETTINGS.items(), strict=True):
         for axis, task in zip(row, HORIZONS, strict=True):
             _published(axis, task)
+            axis.axhline(0, color="0.85", linewidth=0.6)
             for series, arm in ({COPDAC: COPDAC} | arms).items():
                 _band(axis, bands.filter(task=task, arm=arm).sort("step"), series)
             axis.set_title(f"{TITLES[task]}, baselines {setting}", fontsize=9)
@@ -110,7 +112,8 @@ def _distributions(finals: pl.DataFrame) -> Figure:
                 )
         axis.set_title(TITLES[task])
         axis.set_xlabel("final return")
-        axis.set_xscale("symlog", linthresh=100 if task != "pendulum" else 5000)
+        if task != "pendulum":
+            axis.set_xscale("symlog", linthresh=20)
     axes[0].set_yticks(range(len(arms)), arms)
     axes[0].invert_yaxis()
     figure.suptitle("Final return of every fresh run (dots) and their median (bar)", fontsize=10)
@@ -119,21 +122,20 @@ def _distributions(finals: pl.DataFrame) -> Figure:
 
 def _sensitivity(scores: pl.DataFrame) -> Figure:
     """The best mean return that each value of each step size allows."""
-    names = ("alpha_theta", "alpha_w", "alpha_u", "alpha_y", "alpha_v")
-    labels = dict(zip(names, ("α_θ", "α_w", "α_u", "α_y", "α_v"), strict=True))
     arms = [arm for arm in ARMS if arm.name in set(scores["arm"])]
-    figure = new_figure(11, 2.0 * len(arms) + 0.8)
-    axes = figure.subplots(len(arms), len(names), sharey="row", squeeze=False)
+    swept = {arm.name: [name for name, values in arm.grid if len(values) > 1] for arm in arms}
+    num_columns = max(map(len, swept.values()))
+    figure = new_figure(2.6 * num_columns, 2.0 * len(arms) + 0.8)
+    axes = figure.subplots(len(arms), num_columns, sharey="row", squeeze=False)
     for row, arm in zip(axes, arms, strict=True):
-        here = scores.filter(arm=arm.name)
-        for axis, name in zip(row, names, strict=True):
-            swept = dict(arm.grid).get(name, ())
-            axis.set_visible(len(swept) > 1)
-            _sensitivity_panel(axis, here, name)
-            axis.set_xlabel(labels[name])
-        first = next(axis for axis in row if axis.get_visible())
-        first.set_ylabel("mean return")
-        first.set_title(arm.name, loc="left", fontsize=9)
+        for axis in row[len(swept[arm.name]) :]:
+            axis.set_visible(False)
+        for axis, name in zip(row, swept[arm.name], strict=False):
+            _sensitivity_panel(axis, scores.filter(arm=arm.name), name)
+            tied = "".join(f" = {other}" for other, source in arm.ties if source == name)
+            axis.set_xlabel(f"step size {name}{tied}", fontsize=8)
+        row[0].set_ylabel("mean return")
+        row[0].set_title(arm.name, loc="left", fontsize=9)
     handles, texts = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles, texts, loc="outside lower center", ncols=3, frameon=False)
     title = (
@@ -156,4 +158,5 @@ def _sensitivity_panel(axis: Axes, scores: pl.DataFrame, name: str) -> None:
         axis.set_xscale("symlog", linthresh=1e-7)
     else:
         axis.set_xscale("log")
+    axis.xaxis.set_minor_formatter(NullFormatter())
     axis.set_ylim(-6e3, 5.2e3)
