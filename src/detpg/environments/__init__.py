@@ -6,11 +6,13 @@ Next: the observation goes to a policy (`detpg.policies`).
 
 from detpg.environments.bandit import QuadraticBandit
 from detpg.environments.lqr import LQR
+from detpg.environments.octopus_arm import OctopusArm
 from detpg.types import Environment
 
 ENVIRONMENTS: dict[str, type[Environment]] = {
     "bandit": QuadraticBandit,
     "lqr": LQR,
+    "octopus-arm": OctopusArm,
 }
 
-__all__ = ["ENVIRONMENTS", "LQR", "QuadraticBandit"]
+__all__ = ["ENVIRONMENTS", "LQR", "OctopusArm", "QuadraticBandit"]
