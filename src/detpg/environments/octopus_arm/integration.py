@@ -48,7 +48,13 @@ def _advance(body: Body, action: Float[Array, "act *#batch"], arm: Arm) -> Arm:
     pull = activate(body, action)
     turns = jnp.round(arm.theta / (2 * jnp.pi))  # the angle is wrapped here, and not afterwards
     arm = eqx.tree_at(lambda arm: arm.theta, arm, arm.theta - 2 * jnp.pi * turns)
-    return jax.lax.scan(lambda arm, _: (sub_step(body, pull, arm), None), arm, length=SUB_STEPS)[0]
+    return jax.lax.scan(_next, (body, pull, arm), length=SUB_STEPS)[0][2]
+
+
+def _next(carry: tuple[Body, Pull, Arm], _: None) -> tuple[tuple[Body, Pull, Arm], None]:
+    """A function of its own, with nothing bound to it, so that JAX knows it again without `jit`."""
+    body, pull, arm = carry
+    return (body, pull, sub_step(body, pull, arm)), None
 
 
 def sub_step(body: Body, pull: Pull, arm: Arm) -> Arm:
