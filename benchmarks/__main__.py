@@ -1,6 +1,7 @@
 """Runs the benchmarks, prints a table, writes build/bench.json."""
 
 import dataclasses
+import importlib
 import json
 import os
 import sys
@@ -10,26 +11,27 @@ from pathlib import Path
 # so that compilation is measured.
 os.environ.setdefault("XLA_FLAGS", "--xla_cpu_multi_thread_eigen=false")
 
+# Each has `IDS` and `rows(wanted)`, which measures some of them. Imported after the above.
+MODULES = ("benchmarks.compatible", "benchmarks.figure1")
+
 
 def main() -> None:
     """Runs every row whose id begins with the given prefix."""
     from rich.console import Console
     from rich.table import Table
 
-    from benchmarks import figure1
-    from benchmarks.rows import Row
-
     prefix = sys.argv[1] if len(sys.argv) > 1 else ""
-    sizes = {f"figure1.sweep.m{m}": m for m in (10, 25, 50)}
-    wanted = tuple(m for name, m in sizes.items() if name.startswith(prefix))
-    if not wanted:
-        print(f"bench: no row begins with {prefix!r}: choose from {', '.join(sizes)}.")
+    modules = [importlib.import_module(name) for name in MODULES]
+    wanted = [tuple(name for name in m.IDS if name.startswith(prefix)) for m in modules]
+    if not any(wanted):
+        known = ", ".join(name for module in modules for name in module.IDS)
+        print(f"bench: no row begins with {prefix!r}: choose from {known}.", file=sys.stderr)
         raise SystemExit(2)
-    measured: list[Row] = list(figure1.rows(wanted))
+    measured = [row for m, ids in zip(modules, wanted, strict=True) for row in m.rows(ids)]
 
     table = Table("id", "value", "unit", "baseline", "ratio", "note")
     for row in measured:
-        numbers = f"{row.value:,.0f}", row.unit, f"{row.baseline:,.0f}", f"{row.ratio:.1f}"
+        numbers = f"{row.value:,.0f}", row.unit, f"{row.baseline:,.0f}", f"{row.ratio:.2f}"
         table.add_row(row.id, *numbers, row.note)
     Console(width=140).print(table)
     Path("build").mkdir(exist_ok=True)

@@ -81,24 +81,40 @@ def begin(algorithm: Algorithm, environment: Environment, key: PRNGKeyArray) -> 
 
 def _step(
     algorithm: Algorithm, environment: Environment, keys: StepKeys, learner: PyTree, now: Episode
-) -> tuple[Transition, Episode]:
-    """One step of the world, and where it stands afterwards (reset where the episode ended)."""
+) -> tuple[Transition, PyTree]:
+    """One step of the world: what is learnt from, and the next state, before any reset."""
     next_state = environment.transition(keys.environment, now.state, now.action)
     next_observation = environment.observe(next_state)
-    terminated = environment.terminated(next_state)
-    next_action = algorithm.act(keys.behaviour, learner, next_observation)
     transition = Transition(
         observation=environment.observe(now.state),
         action=now.action,
         reward=environment.reward(now.state, now.action, next_state),
         next_observation=next_observation,
-        next_action=next_action,
-        terminated=terminated,
+        next_action=algorithm.act(keys.behaviour, learner, next_observation),
+        terminated=environment.terminated(next_state),
+        truncated=now.steps + 1 >= environment.spec.time_limit,
     )
-    truncated = now.steps + 1 >= environment.spec.time_limit
-    ongoing = Episode(state=next_state, action=next_action, steps=now.steps + 1)
+    return transition, next_state
+
+
+def _onwards(
+    algorithm: Algorithm,
+    environment: Environment,
+    keys: StepKeys,
+    learner: PyTree,
+    now: Episode,
+    transition: Transition,
+    next_state: PyTree,
+) -> Episode:
+    """Where the world stands after learning, reset where the episode ended.
+
+    The action there is drawn now, by what was learnt: importance ratios and deviations from
+    mu_theta are those of the parameters that it came from (docs/decisions/0015).
+    """
+    action = algorithm.act(keys.behaviour, learner, transition.next_observation)
+    ongoing = Episode(state=next_state, action=action, steps=now.steps + 1)
     fresh = _start(algorithm, environment, keys.reset, learner)
-    return transition, trees.where(terminated | truncated, fresh, ongoing)
+    return trees.where(transition.ended, fresh, ongoing)
 
 
 def _batch(
@@ -152,12 +168,18 @@ def train(
         seen = None if probe is None else probe(state.learner)
         if size is None:
             keys = StepKeys(*jax.random.split(key, 4))
-            transition, episode = _step(algorithm, environment, keys, state.learner, state.episode)
+            before = state.episode
+            transition, next_state = _step(algorithm, environment, keys, state.learner, before)
+            learner, info = algorithm.update(keys.update, state.learner, transition)
+            episode = _onwards(
+                algorithm, environment, keys, learner, before, transition, next_state
+            )
         else:
-            batch_keys = jax.random.split(key, (size, 4))
-            transition = _batch(algorithm, environment, batch_keys, state.learner)
-            keys, episode = StepKeys(*batch_keys[0]), state.episode
-        learner, info = algorithm.update(keys.update, state.learner, transition)
+            keys = jax.random.split(key, (size, 4))
+            transition = _batch(algorithm, environment, keys, state.learner)
+            update_key = StepKeys(*keys[0]).update
+            learner, info = algorithm.update(update_key, state.learner, transition)
+            episode = state.episode
         after = TrainState(learner, episode, state.step + (1 if size is None else size))
         return after, Log(info=info, probe=seen)
 

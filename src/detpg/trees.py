@@ -20,6 +20,16 @@ def where(condition: Bool[Array, ""], if_true: PyTree, if_false: PyTree) -> PyTr
     return jax.tree.map(lambda a, b: jax.lax.select(condition, a, b), if_true, if_false)
 
 
+def scale(factor: Float[Array, ""], tree: PyTree) -> PyTree:
+    """Factor * tree, leaf by leaf."""
+    return jax.tree.map(lambda x: factor * x, tree)
+
+
+def zero_where(condition: Bool[Array, ""], tree: PyTree) -> PyTree:
+    """The tree, or zeros of its shape where a scalar condition holds."""
+    return where(condition, zeros_like(tree), tree)
+
+
 def mean(trees: PyTree) -> PyTree:
     """Mean over the leading axis of every leaf."""
     return jax.tree.map(lambda x: jnp.mean(x, axis=0), trees)

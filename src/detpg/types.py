@@ -6,7 +6,7 @@ Axis names used in annotations: `obs act feat points seeds time batch`.
 
 import dataclasses
 import math
-from typing import Any, ClassVar, Protocol, runtime_checkable
+from typing import Any, ClassVar, NamedTuple, Protocol, runtime_checkable
 
 import equinox as eqx
 import jax
@@ -16,6 +16,7 @@ from jax.core import Tracer
 from jaxtyping import Array, Bool, Float, PRNGKeyArray, PyTree, Shaped
 
 Number = Float[Array, ""]
+Width = Float[Array, "..."]  # one number, or one for each action component
 Observation = Float[Array, "obs"]
 Action = Float[Array, "act"]
 
@@ -23,9 +24,11 @@ Action = Float[Array, "act"]
 class Transition(eqx.Module):
     """One step of experience, (s, a, r, s', a').
 
-    `next_observation` is the one before any reset. `terminated` stops bootstrapping; a time limit
-    does not, and is therefore not part of a transition. A batch learner (`batch_size` set) receives
-    the same record with a leading axis `batch` on every field.
+    `next_observation` is the one before any reset; `next_action` what the learner would do there,
+    drawn before it learns from this transition. `terminated` stops bootstrapping. `truncated`
+    (false unless given) says that a time limit cut the episode here: s' is bootstrapped from, but
+    what a learner carries from step to step, traces and correlated noise, ends. A batch learner
+    (`batch_size` set) receives the same record with a leading axis `batch` on every field.
     """
 
     observation: Float[Array, "*batch obs"]
@@ -34,6 +37,40 @@ class Transition(eqx.Module):
     next_observation: Float[Array, "*batch obs"]
     next_action: Float[Array, "*batch act"]
     terminated: Bool[Array, "*batch"]
+    truncated: Bool[Array, "*batch"]
+
+    def __init__(
+        self,
+        observation: Float[Array, "*batch obs"],
+        action: Float[Array, "*batch act"],
+        reward: Float[Array, "*batch"],
+        next_observation: Float[Array, "*batch obs"],
+        next_action: Float[Array, "*batch act"],
+        terminated: Bool[Array, "*batch"],
+        truncated: Bool[Array, "*batch"] | None = None,
+    ):
+        """One step, or a batch of them."""
+        self.observation, self.action, self.reward = observation, action, reward
+        self.next_observation, self.next_action = next_observation, next_action
+        self.terminated = terminated
+        self.truncated = jnp.zeros_like(terminated) if truncated is None else truncated
+
+    @property
+    def ended(self) -> Bool[Array, "*batch"]:
+        """Whether the next transition belongs to another episode."""
+        return self.terminated | self.truncated
+
+
+class Bounds(NamedTuple):
+    """The box of legal actions, action units (-inf, inf: unbounded); its length is m."""
+
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+
+    @classmethod
+    def unbounded(cls, action_size: int) -> "Bounds":
+        """Every action is legal."""
+        return cls((-math.inf,) * action_size, (math.inf,) * action_size)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -57,6 +94,11 @@ class EnvironmentSpec:
     action_high: tuple[float, ...]
     time_limit: int
     discount: float
+
+    @property
+    def bounds(self) -> Bounds:
+        """The legal actions."""
+        return Bounds(self.action_low, self.action_high)
 
 
 @runtime_checkable
@@ -97,6 +139,16 @@ class StochasticPolicy(Protocol):
     def sample(self, key: PRNGKeyArray, theta: PyTree, observation: Observation) -> Action: ...
 
     def log_prob(self, theta: PyTree, observation: Observation, action: Action) -> Number: ...
+
+
+@runtime_checkable
+class Features(Protocol):
+    """x(s), what a function is linear in. Structure without parameters."""
+
+    @property
+    def size(self) -> int: ...
+
+    def __call__(self, observation: Observation) -> Float[Array, "feat"]: ...
 
 
 @runtime_checkable

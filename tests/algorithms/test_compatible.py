@@ -8,10 +8,12 @@ import pytest
 from detpg.algorithms import COPDACGQ, COPDACQ
 from detpg.algorithms.copdac_gq import COPDACGQState
 from detpg.algorithms.copdac_q import COPDACQState
+from detpg.critics import LinearStateValue, MLPStateValue
 from detpg.environments import LQR
+from detpg.features import QuadraticFeatures
 from detpg.policies import LinearPolicy
 from detpg.training import train
-from detpg.types import Transition
+from detpg.types import Bounds, Transition
 
 
 class Weight:
@@ -25,7 +27,9 @@ class Weight:
 
 
 WEIGHT = Weight()
-PARTS = {"policy": LinearPolicy(2, 1), "state_value": WEIGHT}
+UNBOUNDED = Bounds.unbounded(1)
+PARTS = {"policy": LinearPolicy(2, 1), "state_value": WEIGHT, "bounds": UNBOUNDED}
+REST = jnp.zeros(1)
 STEPS = {"gamma": 0.5, "alpha_theta": 0.1, "alpha_w": 0.2, "alpha_v": 0.4}
 
 
@@ -46,7 +50,10 @@ def test_copdac_q_by_hand(terminated: bool, delta: float):
     """mu = 0.5*1 + 0.25*2 = 1; phi = 2 s; Q = w.phi + v.s = 2*(0.5*1+0.5*2) + 1*1+0.5*2 = 5."""
     learner = COPDACQ(**PARTS, **STEPS)
     state = COPDACQState(
-        theta=jnp.asarray([[0.5, 0.25]]), w=jnp.asarray([[0.5, 0.5]]), v=jnp.asarray([1.0, 0.5])
+        theta=jnp.asarray([[0.5, 0.25]]),
+        w=jnp.asarray([[0.5, 0.5]]),
+        v=jnp.asarray([1.0, 0.5]),
+        deviation=REST,
     )
     after, info = learner.update(jax.random.key(0), state, transition(terminated))
     # delta = 4 + 0.5 * V(s') - 5 with V(s') = 2, or 0 where s' is terminal
@@ -57,9 +64,28 @@ def test_copdac_q_by_hand(terminated: bool, delta: float):
     np.testing.assert_allclose(after.v, [1.0 + 0.4 * delta, 0.5 + 0.8 * delta], rtol=1e-6)
 
 
+def test_phi_sees_the_action_as_drawn_or_as_capped():
+    """mu = 1, a = 3 and a world that caps at 2: a - mu is 2 as drawn and 1 as capped."""
+    state = COPDACQState(
+        theta=jnp.asarray([[0.5, 0.25]]),
+        w=jnp.asarray([[0.5, 0.5]]),
+        v=jnp.zeros(2),
+        deviation=REST,
+    )
+    parts = PARTS | {"bounds": Bounds((-2.0,), (2.0,))}
+    for capped, step in ((False, 2.0), (True, 1.0)):
+        learner = COPDACQ(**parts, **STEPS, capped=capped)
+        after, info = learner.update(jax.random.key(0), state, transition(terminated=True))
+        assert float(info.advantage) == pytest.approx(1.5 * step)
+        moved = 0.2 * float(info.delta) * step * np.array([[1.0, 2.0]])
+        np.testing.assert_allclose(after.w, 0.5 + moved, rtol=1e-6)
+
+
 def test_the_natural_form_steps_along_w():
     learner = COPDACQ(**PARTS, **STEPS, natural=True)
-    state = COPDACQState(jnp.zeros((1, 2)), w=jnp.asarray([[3.0, -1.0]]), v=jnp.zeros(2))
+    state = COPDACQState(
+        jnp.zeros((1, 2)), w=jnp.asarray([[3.0, -1.0]]), v=jnp.zeros(2), deviation=REST
+    )
     after, _ = learner.update(jax.random.key(0), state, transition())
     np.testing.assert_allclose(after.theta, [[0.3, -0.1]], rtol=1e-6)
 
@@ -72,7 +98,9 @@ def test_copdac_gq_against_the_explicit_formula(correction, terminated):
     theta, w = np.array([[0.5, 0.25]]), np.array([0.5, -0.5])
     v, u, z = np.array([1.0, 0.5]), np.array([0.2, 0.1]), np.array([-0.3, 0.4])
     z = z if correction == "full" else 0 * z
-    state = COPDACGQState(*(jnp.asarray(x, dtype=float) for x in (theta, w[None], v, u[None], z)))
+    state = COPDACGQState(
+        *(jnp.asarray(x, dtype=float) for x in (theta, w[None], v, u[None], z, REST))
+    )
     after, _ = learner.update(jax.random.key(0), state, transition(terminated))
 
     s, next_s = np.array([1.0, 2.0]), np.array([2.0, 0.0])
@@ -112,11 +140,22 @@ def test_the_critic_of_a_fixed_actor_finds_the_slope_of_q(learner_class, options
     assert np.linalg.norm(w - exact) < 0.25 * np.linalg.norm(exact)
 
 
-@pytest.mark.parametrize("natural", [False, True])
-def test_copdac_q_improves_the_regulator(natural: bool):
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        {"natural": True},
+        {"state_value": LinearStateValue(QuadraticFeatures(2))},
+        {"state_value": MLPStateValue(2)},
+        {"correlation": 0.3},
+    ],
+    ids=["vanilla", "natural", "linear in features", "mlp", "correlated noise"],
+)
+def test_copdac_q_improves_the_regulator(options):
     world = LQR(noise=0.3)
     learner = COPDACQ.create(
-        world.spec, natural=natural, alpha_theta=1e-3, alpha_w=0.02, alpha_v=0.01, sigma=0.5
+        world.spec,
+        **({"alpha_theta": 1e-3, "alpha_w": 0.02, "alpha_v": 0.01, "sigma": 0.5} | options),
     )
     state, _ = train(learner, world, jax.random.key(1), 60_000)
     before, after = world.objective(jnp.zeros((1, 2))), world.objective(state.learner.theta)

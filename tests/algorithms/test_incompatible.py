@@ -1,5 +1,7 @@
 """DAC and OPDAC: hand numbers, and what they learn on the LQR."""
 
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -12,7 +14,7 @@ from detpg.critics import MLPActionValue
 from detpg.environments import LQR
 from detpg.policies import LinearPolicy, MLPPolicy
 from detpg.training import train
-from detpg.types import Transition
+from detpg.types import Bounds, Transition
 
 
 class Product:
@@ -25,6 +27,7 @@ class Product:
         return w[0] * action[0] * observation[0] - w[1] * action[0] ** 2
 
 
+UNBOUNDED = Bounds.unbounded(1)
 PARTS = {
     "policy": LinearPolicy(1, 1),
     "action_value": Product(),
@@ -44,7 +47,10 @@ TRANSITION = Transition(
 
 @pytest.mark.parametrize(
     ("learner", "state", "next_action"),
-    [(DAC(**PARTS), DACState, 5.0), (OPDAC(**PARTS), OPDACState, 2.0)],
+    [
+        (DAC(**PARTS), DACState, 5.0),
+        (OPDAC(**PARTS, bounds=UNBOUNDED), partial(OPDACState, deviation=jnp.zeros(1)), 2.0),
+    ],
 )
 def test_by_hand(learner, state, next_action):
     """theta = 0.5, w = (1, 1). Sarsa uses the a' that was taken, Q-learning mu(s') = 2."""
@@ -59,8 +65,9 @@ def test_by_hand(learner, state, next_action):
 
 
 def test_the_actor_follows_the_slope_at_mu_not_at_the_action():
-    before = OPDACState(theta=jnp.asarray([[1.0]]), w=jnp.asarray([1.0, 1.0]))
-    after, _ = OPDAC(**PARTS).update(jax.random.key(0), before, TRANSITION)
+    before = OPDACState(jnp.asarray([[1.0]]), jnp.asarray([1.0, 1.0]), deviation=jnp.zeros(1))
+    learner = OPDAC(**PARTS, bounds=UNBOUNDED)
+    after, _ = learner.update(jax.random.key(0), before, TRANSITION)
     # mu(s) = 2: grad_a Q = 2 - 4 = -2, grad mu = s = 2
     np.testing.assert_allclose(after.theta, [[1.0 - 0.1 * 4]], rtol=1e-6)
 

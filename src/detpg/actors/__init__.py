@@ -6,6 +6,11 @@ Next: an algorithm (`detpg.algorithms`) takes the step.
 
 from detpg.actors.compatible import compatible_direction
 from detpg.actors.deterministic import deterministic_direction
-from detpg.actors.stochastic import likelihood_ratio_direction
+from detpg.actors.stochastic import gaussian_score, likelihood_ratio_direction
 
-__all__ = ["compatible_direction", "deterministic_direction", "likelihood_ratio_direction"]
+__all__ = [
+    "compatible_direction",
+    "deterministic_direction",
+    "gaussian_score",
+    "likelihood_ratio_direction",
+]

@@ -9,7 +9,9 @@ from detpg.algorithms.bandit_stochastic_ac import BanditStochasticAC
 from detpg.algorithms.copdac_gq import COPDACGQ
 from detpg.algorithms.copdac_q import COPDACQ
 from detpg.algorithms.dac import DAC
+from detpg.algorithms.offpac import OffPAC
 from detpg.algorithms.opdac import OPDAC
+from detpg.algorithms.stochastic_ac import StochasticAC
 from detpg.types import Algorithm
 
 ALGORITHMS: dict[str, type[Algorithm]] = {
@@ -18,7 +20,9 @@ ALGORITHMS: dict[str, type[Algorithm]] = {
     "copdac-gq": COPDACGQ,
     "copdac-q": COPDACQ,
     "dac": DAC,
+    "offpac": OffPAC,
     "opdac": OPDAC,
+    "stochastic-ac": StochasticAC,
 }
 
 __all__ = [
@@ -29,4 +33,6 @@ __all__ = [
     "OPDAC",
     "BanditCOPDAC",
     "BanditStochasticAC",
+    "OffPAC",
+    "StochasticAC",
 ]

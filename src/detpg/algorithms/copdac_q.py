@@ -4,33 +4,36 @@ from typing import Any, ClassVar
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 from jaxtyping import PRNGKeyArray, PyTree
 
 from detpg import trees
 from detpg.actors.compatible import compatible_direction
-from detpg.algorithms.parts import checked, compatible_parts
+from detpg.algorithms.parts import behaviour, checked, compatible_parts, incremental, seen
 from detpg.critics.td import td_error
 from detpg.features.compatible import compatible_features
-from detpg.policies.behaviour import GaussianBehaviour
 from detpg.types import (
     Action,
+    Bounds,
     EnvironmentSpec,
     Number,
     Observation,
     Policy,
     StateValue,
     Transition,
+    Width,
     check_hyper,
     hyper,
 )
 
 
 class COPDACQState(eqx.Module):
-    """theta of the actor; w (shaped like theta) and v of the critic."""
+    """theta of the actor; w (shaped like theta) and v of the critic; the last a - mu_theta(s)."""
 
     theta: PyTree
     w: PyTree
     v: PyTree
+    deviation: Action
 
 
 class COPDACQInfo(eqx.Module):
@@ -47,24 +50,31 @@ class COPDACQ(eqx.Module):
     Attributes:
         policy: mu_theta (static).
         state_value: V^v, any differentiable baseline (static).
+        bounds: Of the legal actions (static).
+        capped: phi sees the action as the world caps it, not as it was drawn (static).
         natural: Take theta + alpha_theta w, the natural gradient, instead of eq. 20 (static).
         gamma: Discount factor.
         alpha_theta: Step size of the actor.
         alpha_w: Step size of the advantage; scales like 1 / sigma^2.
         alpha_v: Step size of the state value.
-        sigma: Standard deviation of the behaviour.
+        sigma: Standard deviation of the behaviour, one number or one for each action component.
+        correlation: Of its noise from one step to the next.
     """
 
     equations: ClassVar[str] = "19, 20, 21, 22; natural: end of Section 4.3"
+    batch_size = incremental
 
     policy: Policy = eqx.field(static=True)
     state_value: StateValue = eqx.field(static=True)
+    bounds: Bounds = eqx.field(static=True)
+    capped: bool = eqx.field(static=True, default=False)
     natural: bool = eqx.field(static=True, default=False)
     gamma: Number = hyper("discount factor", 0.99, 0.0, 1.0)
     alpha_theta: Number = hyper("step size of the actor", 1e-3, 0.0, 1e6)
     alpha_w: Number = hyper("step size of the advantage", 1e-1, 0.0, 1e6)
     alpha_v: Number = hyper("step size of the state value", 1e-2, 0.0, 1e6)
-    sigma: Number = hyper("standard deviation of the behaviour, action units", 0.3, 1e-6, 1e6)
+    sigma: Width = hyper("standard deviation of the behaviour, action units", 0.3, 0.0, 1e6)
+    correlation: Number = hyper("of the noise from step to step; 0: white", 0.0, 0.0, 0.999999)
 
     def __check_init__(self):
         check_hyper(self)
@@ -74,25 +84,21 @@ class COPDACQ(eqx.Module):
         """The learner for an environment; linear policy and quadratic value unless given."""
         return cls(**checked(spec, compatible_parts(spec) | options))
 
-    @property
-    def batch_size(self) -> None:
-        """One transition per update."""
-        return None
-
     def init(self, key: PRNGKeyArray) -> COPDACQState:
         theta_key, v_key = jax.random.split(key)
-        theta = self.policy.init(theta_key)
-        return COPDACQState(theta, w=trees.zeros_like(theta), v=self.state_value.init(v_key))
+        theta, v = self.policy.init(theta_key), self.state_value.init(v_key)
+        deviation = jnp.zeros(len(self.bounds.low))
+        return COPDACQState(theta, trees.zeros_like(theta), v, deviation)
 
     def act(self, key: PRNGKeyArray, state: COPDACQState, observation: Observation) -> Action:
         # a ~ beta(.|s) = N(mu_theta(s), sigma^2)
-        return GaussianBehaviour(self.policy, self.sigma).act(key, state.theta, observation)
+        return behaviour(self).act(key, state.theta, observation, state.deviation)
 
     def update(
         self, key: PRNGKeyArray, state: COPDACQState, transition: Transition
     ) -> tuple[COPDACQState, COPDACQInfo]:
         theta, w, v = state.theta, state.w, state.v
-        s, a, next_s = transition.observation, transition.action, transition.next_observation
+        s, a, next_s = seen(self, transition)
         phi = compatible_features(self.policy, theta, s, a)
         value, phi_v = jax.value_and_grad(self.state_value)(v, s)
 
@@ -101,13 +107,14 @@ class COPDACQ(eqx.Module):
         r, end = transition.reward, transition.terminated
         delta = td_error(r, self.gamma, end, next_value, value + advantage)
         # theta <- theta + alpha_theta grad mu (grad mu^T w), or along w itself  (20)
+        deviation = behaviour(self).deviation(theta, transition)
         direction = w if self.natural else compatible_direction(self.policy, theta, s, w)
         theta = trees.add_scaled(theta, self.alpha_theta, direction)
         # w <- w + alpha_w delta phi(s, a)  (21)
         w = trees.add_scaled(w, self.alpha_w * delta, phi)
         # v <- v + alpha_v delta phi(s), phi(s) = grad_v V^v(s)  (22)
         v = trees.add_scaled(v, self.alpha_v * delta, phi_v)
-        return COPDACQState(theta, w, v), COPDACQInfo(delta, value, advantage)
+        return COPDACQState(theta, w, v, deviation), COPDACQInfo(delta, value, advantage)
 
     def greedy(self, state: COPDACQState, observation: Observation) -> Action:
         return self.policy(state.theta, observation)

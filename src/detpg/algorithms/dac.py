@@ -8,7 +8,7 @@ from jaxtyping import PRNGKeyArray, PyTree
 
 from detpg import trees
 from detpg.actors.deterministic import deterministic_direction
-from detpg.algorithms.parts import checked, incompatible_parts
+from detpg.algorithms.parts import checked, incompatible_parts, incremental
 from detpg.critics.td import td_error
 from detpg.types import (
     Action,
@@ -49,6 +49,7 @@ class DAC(eqx.Module):
     """
 
     equations: ClassVar[str] = "11, 12, 13"
+    batch_size = incremental
 
     policy: Policy = eqx.field(static=True)
     action_value: ActionValue = eqx.field(static=True)
@@ -63,11 +64,6 @@ class DAC(eqx.Module):
     def create(cls, spec: EnvironmentSpec, **options: Any) -> "DAC":
         """The learner for an environment; a linear policy and a quadratic critic unless given."""
         return cls(**checked(spec, incompatible_parts(spec) | options))
-
-    @property
-    def batch_size(self) -> None:
-        """One transition per update."""
-        return None
 
     def init(self, key: PRNGKeyArray) -> DACState:
         theta_key, w_key = jax.random.split(key)

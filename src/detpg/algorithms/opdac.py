@@ -4,31 +4,34 @@ from typing import Any, ClassVar
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 from jaxtyping import PRNGKeyArray, PyTree
 
 from detpg import trees
 from detpg.actors.deterministic import deterministic_direction
-from detpg.algorithms.parts import checked, incompatible_parts
+from detpg.algorithms.parts import behaviour, checked, incompatible_parts, incremental
 from detpg.critics.td import td_error
-from detpg.policies.behaviour import GaussianBehaviour
 from detpg.types import (
     Action,
     ActionValue,
+    Bounds,
     EnvironmentSpec,
     Number,
     Observation,
     Policy,
     Transition,
+    Width,
     check_hyper,
     hyper,
 )
 
 
 class OPDACState(eqx.Module):
-    """theta of the actor, w of the critic."""
+    """theta of the actor, w of the critic; the last action's deviation from mu_theta."""
 
     theta: PyTree
     w: PyTree
+    deviation: Action
 
 
 class OPDACInfo(eqx.Module):
@@ -44,20 +47,26 @@ class OPDAC(eqx.Module):
     Attributes:
         policy: mu_theta (static).
         action_value: Q^w (static).
+        bounds: Of the legal actions (static).
         gamma: Discount factor.
         alpha_theta: Step size of the actor.
         alpha_w: Step size of the critic.
-        sigma: Standard deviation of the behaviour; any other behaviour may be learnt from.
+        sigma: Standard deviation of the behaviour, one number or one for each action component;
+            any other behaviour may be learnt from.
+        correlation: Of its noise from one step to the next.
     """
 
     equations: ClassVar[str] = "16, 17, 18"
+    batch_size = incremental
 
     policy: Policy = eqx.field(static=True)
     action_value: ActionValue = eqx.field(static=True)
+    bounds: Bounds = eqx.field(static=True)
     gamma: Number = hyper("discount factor", 0.99, 0.0, 1.0)
     alpha_theta: Number = hyper("step size of the actor", 1e-3, 0.0, 1e6)
     alpha_w: Number = hyper("step size of the critic", 1e-2, 0.0, 1e6)
-    sigma: Number = hyper("standard deviation of the behaviour, action units", 0.1, 1e-6, 1e6)
+    sigma: Width = hyper("standard deviation of the behaviour, action units", 0.1, 0.0, 1e6)
+    correlation: Number = hyper("of the noise from step to step; 0: white", 0.0, 0.0, 0.999999)
 
     def __check_init__(self):
         check_hyper(self)
@@ -65,20 +74,17 @@ class OPDAC(eqx.Module):
     @classmethod
     def create(cls, spec: EnvironmentSpec, **options: Any) -> "OPDAC":
         """The learner for an environment; a linear policy and a quadratic critic unless given."""
-        return cls(**checked(spec, incompatible_parts(spec) | options))
-
-    @property
-    def batch_size(self) -> None:
-        """One transition per update."""
-        return None
+        parts = incompatible_parts(spec) | {"bounds": spec.bounds}
+        return cls(**checked(spec, parts | options))
 
     def init(self, key: PRNGKeyArray) -> OPDACState:
         theta_key, w_key = jax.random.split(key)
-        return OPDACState(theta=self.policy.init(theta_key), w=self.action_value.init(w_key))
+        theta, w = self.policy.init(theta_key), self.action_value.init(w_key)
+        return OPDACState(theta, w, deviation=jnp.zeros(len(self.bounds.low)))
 
     def act(self, key: PRNGKeyArray, state: OPDACState, observation: Observation) -> Action:
         # a ~ beta(.|s), here N(mu_theta(s), sigma^2)
-        return GaussianBehaviour(self.policy, self.sigma).act(key, state.theta, observation)
+        return behaviour(self).act(key, state.theta, observation, state.deviation)
 
     def update(
         self, key: PRNGKeyArray, state: OPDACState, transition: Transition
@@ -98,8 +104,9 @@ class OPDAC(eqx.Module):
         direction = deterministic_direction(
             self.policy, theta, s, lambda action: self.action_value(w, s, action)
         )
+        deviation = behaviour(self).deviation(theta, transition)
         theta = trees.add_scaled(theta, self.alpha_theta, direction)
-        return OPDACState(theta, next_w), OPDACInfo(delta=delta, value=value)
+        return OPDACState(theta, next_w, deviation), OPDACInfo(delta=delta, value=value)
 
     def greedy(self, state: OPDACState, observation: Observation) -> Action:
         return self.policy(state.theta, observation)

@@ -7,8 +7,11 @@ import jax.numpy as jnp
 
 from detpg.critics.action_values import QuadraticActionValue
 from detpg.critics.state_values import QuadraticStateValue
+from detpg.features.quadratic import QuadraticFeatures
+from detpg.policies.behaviour import GaussianBehaviour, cap
+from detpg.policies.feature_gaussian import FeatureGaussian
 from detpg.policies.linear import LinearPolicy
-from detpg.types import ActionValue, EnvironmentSpec
+from detpg.types import Action, ActionValue, EnvironmentSpec, Observation, Transition
 
 
 def incompatible_parts(spec: EnvironmentSpec) -> dict[str, Any]:
@@ -26,8 +29,51 @@ def compatible_parts(spec: EnvironmentSpec) -> dict[str, Any]:
     return {
         "policy": LinearPolicy(spec.observation_size, spec.action_size),
         "state_value": QuadraticStateValue(spec.observation_size),
+        "bounds": spec.bounds,
         "gamma": spec.discount,
     }
+
+
+def feature_parts(spec: EnvironmentSpec, options: dict[str, Any]) -> dict[str, Any]:
+    """Quadratic features and the environment's discount, unless given; refused if they do not fit.
+
+    Raises:
+        ValueError: Features of the wrong size.
+    """
+    features = QuadraticFeatures(spec.observation_size)
+    defaults = {"features": features, "action_size": spec.action_size, "gamma": spec.discount}
+    parts = defaults | options
+    found = jax.eval_shape(parts["features"], jnp.zeros(spec.observation_size)).shape
+    if found != (parts["features"].size,):
+        raise ValueError(
+            f"The features of an observation have shape {found}, but their size is said to be "
+            f"{parts['features'].size}: give features that return a vector of that size."
+        )
+    return parts
+
+
+@property
+def incremental(learner: Any) -> None:
+    """The `batch_size` of a learner that takes one transition per update."""
+    return
+
+
+@property
+def feature_gaussian(learner: Any) -> FeatureGaussian:
+    """pi_u of a stochastic learner: a Gaussian on its features."""
+    return FeatureGaussian(learner.features, learner.action_size, learner.sigma0)
+
+
+def behaviour(learner: Any) -> GaussianBehaviour:
+    """Beta of a learner: noise of its width and correlation around its policy."""
+    return GaussianBehaviour(learner.policy, learner.sigma, learner.correlation)
+
+
+def seen(learner: Any, transition: Transition) -> tuple[Observation, Action, Observation]:
+    """s, a, s', with the action as drawn, or as the world capped it (docs/decisions/0014)."""
+    action = transition.action
+    action = cap(action, learner.bounds) if learner.capped else action
+    return transition.observation, action, transition.next_observation
 
 
 def checked(spec: EnvironmentSpec, parts: dict[str, Any]) -> dict[str, Any]:

@@ -6,12 +6,14 @@ Next: the actor reads its direction from them (`detpg.actors`).
 
 from detpg.critics.action_values import MLPActionValue, QuadraticActionValue
 from detpg.critics.regression import LinearFit, linear_regression
-from detpg.critics.state_values import QuadraticStateValue
+from detpg.critics.state_values import LinearStateValue, MLPStateValue, QuadraticStateValue
 from detpg.critics.td import td_error
 
 __all__ = [
     "LinearFit",
+    "LinearStateValue",
     "MLPActionValue",
+    "MLPStateValue",
     "QuadraticActionValue",
     "QuadraticStateValue",
     "linear_regression",

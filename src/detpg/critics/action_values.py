@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray, PyTree
 
+from detpg.polynomials import num_products, products
 from detpg.types import Action, Number, Observation
 
 
@@ -23,14 +24,12 @@ class QuadraticActionValue:
 
     def init(self, key: PRNGKeyArray) -> Float[Array, "feat"]:
         """W = 0."""
-        size = 1 + self.observation_size + self.action_size
-        return jnp.zeros(size * (size + 1) // 2)
+        return jnp.zeros(num_products(1 + self.observation_size + self.action_size))
 
     def __call__(self, w: Float[Array, "feat"], observation: Observation, action: Action) -> Number:
         one = jnp.ones(1, dtype=observation.dtype)
         entries = jnp.concatenate([one, observation, action])
-        products = jnp.outer(entries, entries)[jnp.triu_indices(entries.size)]
-        return jnp.dot(w, products, precision="highest")
+        return jnp.dot(w, products(entries), precision="highest")
 
 
 @dataclasses.dataclass(frozen=True)

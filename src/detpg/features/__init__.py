@@ -5,5 +5,6 @@ Next: a critic weighs them (`detpg.critics`).
 """
 
 from detpg.features.compatible import compatible_features, score
+from detpg.features.quadratic import QuadraticFeatures
 
-__all__ = ["compatible_features", "score"]
+__all__ = ["QuadraticFeatures", "compatible_features", "score"]

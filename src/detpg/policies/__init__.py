@@ -4,17 +4,22 @@ In: an observation and parameters. Out: an action.
 Next: the action goes to the world; its parameter gradient to the features (`detpg.features`).
 """
 
-from detpg.policies.behaviour import GaussianBehaviour
+from detpg.policies.behaviour import GaussianBehaviour, cap
 from detpg.policies.constant import ConstantPolicy
+from detpg.policies.feature_gaussian import FeatureGaussian, MeanAndWidth
 from detpg.policies.gaussian import GaussianParameters, IsotropicGaussian
-from detpg.policies.linear import LinearPolicy
+from detpg.policies.linear import FeaturePolicy, LinearPolicy
 from detpg.policies.mlp import MLPPolicy
 
 __all__ = [
     "ConstantPolicy",
+    "FeatureGaussian",
+    "FeaturePolicy",
     "GaussianBehaviour",
     "GaussianParameters",
     "IsotropicGaussian",
     "LinearPolicy",
     "MLPPolicy",
+    "MeanAndWidth",
+    "cap",
 ]

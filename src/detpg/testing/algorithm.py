@@ -110,6 +110,7 @@ def _experience(
             next_observation=environment.observe(next_state),
             next_action=algorithm.act(act_keys[1], learner, environment.observe(next_state)),
             terminated=environment.terminated(next_state),
+            truncated=jnp.asarray(environment.spec.time_limit == 1),
         )
 
     size = algorithm.batch_size
