@@ -85,6 +85,8 @@ class EnvironmentSpec:
         action_high: Upper bound of each action component.
         time_limit: Steps after which an episode is cut; 1 for a bandit.
         discount: gamma, as used in the paper for this environment.
+        observation_low: Lower bound of each observation component; empty: unbounded or unknown.
+        observation_high: Upper bound of each observation component.
     """
 
     name: str
@@ -94,6 +96,8 @@ class EnvironmentSpec:
     action_high: tuple[float, ...]
     time_limit: int
     discount: float
+    observation_low: tuple[float, ...] = ()
+    observation_high: tuple[float, ...] = ()
 
     @property
     def bounds(self) -> Bounds:

@@ -6,5 +6,6 @@ Next: a critic weighs them (`detpg.critics`).
 
 from detpg.features.compatible import compatible_features, score
 from detpg.features.quadratic import QuadraticFeatures
+from detpg.features.tile_coding import TileCoding, divided
 
-__all__ = ["QuadraticFeatures", "compatible_features", "score"]
+__all__ = ["QuadraticFeatures", "TileCoding", "compatible_features", "divided", "score"]

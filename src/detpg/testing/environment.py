@@ -54,10 +54,16 @@ def _check_spec(spec: EnvironmentSpec) -> None:
     lengths = tuple(len(bound) for bound in bounds)
     ordered = all(low <= high for low, high in zip(*bounds))
     m = spec.action_size
+    seen = (spec.observation_low, spec.observation_high)
+    seen_lengths = tuple(len(bound) for bound in seen)
+    known = seen_lengths in ((0, 0), (spec.observation_size,) * 2)
+    apart = all(low < high for low, high in zip(*seen))
     rules = [
         ("sizes", sizes, min(sizes) >= 1, "two whole numbers of at least 1"),
         ("lengths of the bounds", lengths, lengths == (m, m), f"{m}, the action_size, for both"),
         ("bounds", bounds, ordered, "action_low <= action_high in every component"),
+        ("lengths of the observation bounds", seen_lengths, known, "none, or observation_size"),
+        ("observation bounds", seen, apart, "observation_low < observation_high"),
         ("time_limit", spec.time_limit, spec.time_limit >= 1, "at least 1 step"),
         ("discount", spec.discount, 0 <= spec.discount <= 1, "a number from 0 to 1"),
     ]
