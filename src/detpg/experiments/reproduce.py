@@ -10,7 +10,7 @@ import numpy as np
 
 from detpg.executors import InProcess, Processes
 from detpg.experiments.report import claims_page
-from detpg.experiments.selection import score, select
+from detpg.experiments.selection import committed, score, select
 from detpg.experiments.study import Arm, Condition, Phase, Results, Study
 from detpg.experiments.sweep import Shard, join, plan
 from detpg.experiments.tables import Cells, write_tables
@@ -47,7 +47,8 @@ class Reproduction:
     def run(self) -> None:
         """Runs what is missing, then writes the tables and, last, the summary."""
         cells = [(c, arm) for c in self.study.conditions for arm in self.study.arms_of(self.preset)]
-        grids = {arm.name: arm.points(self.study.presets[self.preset].thin) for _, arm in cells}
+        scale = self.study.presets[self.preset]
+        grids = {arm.name: scale.grid(arm) for _, arm in cells}
         judged = self.study.lost_above, self.study.num_final
         run = self.study.run_shard
         executor = InProcess(run) if self.workers == 1 else Processes(run, self.workers)
@@ -55,7 +56,9 @@ class Reproduction:
             every = {(c, arm): grids[arm.name] for c, arm in cells}
             sweep, _ = self._phase(executor, "sweep", every)
             selections = {
-                (c, arm.name): select(
+                (c, arm.name): committed(self.study.rules)
+                if scale.committed
+                else select(
                     sweep[c, arm.name], grids[arm.name], self.study.rules, arm.profile, *judged
                 )
                 for c, arm in cells
@@ -98,6 +101,7 @@ class Reproduction:
                 scale.num_seeds(phase),
                 shape=scale.shard,
                 study_seed=self.seed,
+                folder=str(self.directory.shards),
             )
             for (condition, arm), grid in points.items()
         }

@@ -114,6 +114,11 @@ def select(
     )
 
 
+def committed(rules: tuple[Rule, ...]) -> Selection:
+    """The only point there is, whatever the rule: nothing was swept."""
+    return Selection(tuple(Choice(rule, rule, 0, np.nan, ()) for rule in rules), 0, 0)
+
+
 def _choose(
     role: str, rule: Rule, scores: np.ndarray, points: dict[str, np.ndarray], among: np.ndarray
 ) -> Choice:

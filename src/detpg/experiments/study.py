@@ -56,6 +56,7 @@ class Arm:
         grid: Hyper-parameter -> values; a point is one of each.
         profile: A hyper-parameter at each value of which the best points are also kept.
         ties: (hyper-parameter, another one of the grid whose value it takes).
+        committed: The point that a finished sweep chose, for presets without a sweep.
     """
 
     name: str
@@ -64,6 +65,7 @@ class Arm:
     grid: tuple[tuple[str, tuple[float, ...]], ...]
     profile: str | None = None
     ties: tuple[tuple[str, str], ...] = ()
+    committed: tuple[tuple[str, float], ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -94,6 +96,7 @@ class Preset:
         interval_seeds: Further fresh runs, for intervals (0: the figure's runs serve).
         shard: Points and seeds side by side in one shard.
         without: Names of learners that are left out.
+        committed: No sweep: the learners' committed points are run.
     """
 
     thin: Options
@@ -102,6 +105,13 @@ class Preset:
     interval_seeds: int
     shard: tuple[int, int]
     without: tuple[str, ...] = ()
+    committed: bool = False
+
+    def grid(self, arm: Arm) -> dict[str, np.ndarray]:
+        """The points of a learner that are run."""
+        if self.committed:
+            return {name: np.array([value]) for name, value in arm.committed}
+        return arm.points(self.thin)
 
     def num_seeds(self, phase: Phase) -> int:
         return {

@@ -33,6 +33,7 @@ class Shard:
         shape: Points and seeds side by side; what is missing is padded.
         study_seed: The study's seed.
         index: Position among the shards of the same condition, arm and phase.
+        folder: Where a long shard may keep what it has done so far; None: nowhere.
     """
 
     condition: Condition
@@ -43,12 +44,18 @@ class Shard:
     shape: tuple[int, int]
     study_seed: int
     index: int
+    folder: str | None = None
 
     @property
     def name(self) -> str:
         """File name of its result."""
         arm = self.arm.name.replace(" ", "-").replace(",", "")
         return f"{self.condition.label}-{arm}-{self.phase}-{self.index:04d}"
+
+    @property
+    def checkpoint(self) -> str | None:
+        """File for what the shard has done so far."""
+        return None if self.folder is None else f"{self.folder}/{self.name}.npz"
 
     @property
     def program(self) -> tuple[Any, ...]:
@@ -66,6 +73,7 @@ def plan(
     *,
     shape: tuple[int, int],
     study_seed: int,
+    folder: str | None = None,
 ) -> list[Shard]:
     """Cuts points x seeds into shards, points first.
 
@@ -77,6 +85,7 @@ def plan(
         num_seeds: Seeds 0 ... num_seeds - 1 of the phase's stream.
         shape: Points and seeds side by side in one shard.
         study_seed: The study's seed.
+        folder: See `Shard`.
     """
     num_points, (wide, deep) = len(next(iter(points.values()))), shape
     blocks = [
@@ -94,6 +103,7 @@ def plan(
             shape,
             study_seed,
             index,
+            folder,
         )
         for index, (part, seeds) in enumerate(blocks)
     ]

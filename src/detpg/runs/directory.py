@@ -154,6 +154,11 @@ class RunDirectory:
     def _not_ours(self) -> str:
         return f"{self.path} holds files that are not a run of detpg: choose another --output."
 
+    @property
+    def shards(self) -> Path:
+        """Where finished shards are kept until the run is completed."""
+        return self.path / SHARDS
+
     def shard(self, name: str) -> np.ndarray | None:
         """A finished shard; None if it is absent or damaged, and so has to run (again)."""
         try:
