@@ -16,7 +16,10 @@ import jax
 import jaxtyping
 import pytest
 
-CORE = "types trees environments policies features critics actors algorithms training evaluation"
+CORE = (
+    "types trees environments policies features critics actors algorithms training evaluation "
+    "theorems"
+)
 jaxtyping.install_import_hook([f"detpg.{name}" for name in CORE.split()], "beartype.beartype")
 
 jax.config.update("jax_numpy_dtype_promotion", "strict")
