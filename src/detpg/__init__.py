@@ -11,6 +11,7 @@ The folders are stops on the road of the data, and imports follow it:
     training       the one loop over time
     evaluation     greedy returns, intervals
     experiments    studies as data, sweeps, claims
+    theorems       beside it: the paper's theorems as checks
     figures        tables drawn
 
 `detpg.diagnostics` measures one's own critic against Theorem 3, and one's own actor's direction

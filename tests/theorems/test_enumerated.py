@@ -1,5 +1,7 @@
 """Expected updates: the learners' own, against matrices written out."""
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -21,6 +23,7 @@ from detpg.theorems.enumerated import (
 )
 from detpg.theorems.gradient_q import ALGORITHMS, RING_THETA, growth, mean_map
 from detpg.theorems.worlds import Linear
+from detpg.types import Bounds
 
 GAMMA, STEP = 0.9, 0.1
 SIZES = {"COPDAC-Q": 16, "COPDAC-GQ, printed": 24, "COPDAC-GQ, full": 32}
@@ -49,7 +52,13 @@ def test_the_mean_update_is_the_matrix_written_out(star, name: str):
     steps = dict.fromkeys(("alpha_w", "alpha_v"), STEP)
     steps |= {"alpha_u": STEP} if "GQ" in name else {}
     learner = algorithm(
-        LinearPolicy(8, 1), Linear(8), gamma=GAMMA, alpha_theta=0.0, **steps, **options
+        LinearPolicy(8, 1),
+        Linear(8),
+        Bounds.unbounded(1),
+        gamma=GAMMA,
+        alpha_theta=0.0,
+        **steps,
+        **options,
     )
     start = learner.init(jax.random.key(0))
     weights = [field for field in ("w", "v", "u", "z") if hasattr(start, field)]
@@ -57,7 +66,8 @@ def test_the_mean_update_is_the_matrix_written_out(star, name: str):
 
     def mapped(vector):
         parts = trees.like([getattr(start, field) for field in weights], vector)
-        state = type(start)(**dict(zip(weights, parts)), theta=jnp.asarray(BAIRD_THETA)[None])
+        theta = jnp.asarray(BAIRD_THETA)[None]
+        state = dataclasses.replace(start, **dict(zip(weights, parts)), theta=theta)
         after = expected_update(learner, star, state)
         return trees.to_vector([getattr(after, field) for field in weights])
 

@@ -8,7 +8,7 @@ from typing import Any
 import polars as pl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator, NullFormatter
+from matplotlib.ticker import MaxNLocator, NullFormatter, NullLocator
 
 from detpg.figures.style import new_figure, save, style
 
@@ -23,7 +23,7 @@ TITLES = {
     "convergence": "COPDAC-Q and COPDAC-GQ off policy, expected updates",
 }
 FILES = tuple(f"{name}.{kind}" for name in TITLES for kind in ("png", "svg"))
-WIDTH = 46  # characters of a line of an axis label
+WIDTH = 50  # characters of a line of an axis label
 MANY = 30  # points above which a line has few markers
 DISCRETE = "state"  # abscissa whose points are not joined
 
@@ -83,13 +83,21 @@ def _panel(axis: Axes, panel: pl.DataFrame) -> None:
     axis.set_xlabel(textwrap.fill(_pretty(panel["x_name"][0]), WIDTH))
     axis.set_ylabel(textwrap.fill(_pretty(panel["y_name"][0]), WIDTH))
     if powers:
-        axis.xaxis.set_minor_formatter(NullFormatter())
+        _counts(axis, panel["x"])
     if panel["x_name"][0] == DISCRETE:
         axis.xaxis.set_major_locator(MaxNLocator(integer=True))
     if panel["series"].n_unique() > 1:
         bars = "bars: 4 standard errors" if (panel["error"] > 0).any() else None
         place = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.2), "borderaxespad": 0.0}
         axis.legend(frameon=False, ncols=2, title=bars, title_fontsize=8, **place)
+
+
+def _counts(axis: Axes, x: pl.Series) -> None:
+    """Whole numbers on a logarithmic abscissa are written as such."""
+    axis.xaxis.set_minor_formatter(NullFormatter())
+    if (x == x.round()).all():
+        axis.set_xticks(x.unique(), labels=[f"{value:g}" for value in x.unique()])
+        axis.xaxis.set_minor_locator(NullLocator())
 
 
 def _line(axis: Axes, line: pl.DataFrame, look: dict[str, Any]) -> None:

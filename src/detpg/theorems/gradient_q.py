@@ -150,7 +150,7 @@ def _ring() -> tuple[list[Check], list[Point]]:
             )
         )
         distance = [relative_error(x, minimiser) for x in path.weights]
-        y = "ring: relative distance from the MSPBE's minimiser"
+        y = "ring: relative distance from the minimiser"
         rows += points(X, y, name, path.updates, distance)
     return checks, rows
 

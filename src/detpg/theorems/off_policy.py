@@ -165,7 +165,7 @@ def _size(
             "at least",
         ),
     )
-    x = "distance of the behaviour's gain from the target's"
+    x = "distance of the behaviour from the target (gain)"
     rows = (
         *points(x, "eq. 15 against the gradient of J_beta", "relative error", DISTANCES, lost),
         *points(x, "eq. 15 against the gradient of J_beta", "cosine", DISTANCES, cosine),
@@ -229,7 +229,7 @@ def _aliased(world: LQR, gain: Gain, away: Array) -> tuple[Check, tuple[Point, .
         0.0,
         "at least",
     )
-    x = "distance of the behaviour's gain from the target's"
+    x = "distance of the behaviour from the target (gain)"
     name = x, "aliased policy: share of J_beta's possible gain that eq. 15 forfeits"
     return made, points(*name, "forfeited", DISTANCES, lost)
 

@@ -148,7 +148,7 @@ def _samples(
         power,
         -0.5,
     )
-    name = "N, states of an estimate", "relative error of the sampled gradient (root mean square)"
+    name = "N, states of an estimate", "relative error of the sampled gradient"
     measured = points(*name, "sampled gradient", SIZES, rms, rms_error)
     return (mean, rate), (*measured, *guide(*name, "N^-1/2", SIZES, rms[-1], -0.5))
 

@@ -183,7 +183,7 @@ def _kept(
         ),
     )
     states = range(known.ring.num_states)
-    name = "place on the ring", "slope of the action value at mu(s) (value per action unit)"
+    name = "place on the ring", "slope of Q at mu(s) (value per action unit)"
     lines = points(*name, "true slope", states, known.slopes)
     return checks, (*lines, *points(*name, "compatible critic", states, features @ w))
 
