@@ -16,20 +16,20 @@ def main() -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from benchmarks import figure1
-    from benchmarks.rows import Row
+    from benchmarks import figure1, kernels
 
     prefix = sys.argv[1] if len(sys.argv) > 1 else ""
-    sizes = {f"figure1.sweep.m{m}": m for m in (10, 25, 50)}
-    wanted = tuple(m for name, m in sizes.items() if name.startswith(prefix))
-    if not wanted:
-        print(f"bench: no row begins with {prefix!r}: choose from {', '.join(sizes)}.")
+    modules = (figure1, kernels)
+    wanted = {m: tuple(name for name in m.ROWS if name.startswith(prefix)) for m in modules}
+    if not any(wanted.values()):
+        known = ", ".join(name for module in modules for name in module.ROWS)
+        print(f"bench: no row begins with {prefix!r}: choose from {known}.")
         raise SystemExit(2)
-    measured: list[Row] = list(figure1.rows(wanted))
+    measured = [row for module, names in wanted.items() for row in module.rows(names)]
 
     table = Table("id", "value", "unit", "baseline", "ratio", "note")
     for row in measured:
-        numbers = f"{row.value:,.0f}", row.unit, f"{row.baseline:,.0f}", f"{row.ratio:.1f}"
+        numbers = f"{row.value:,.0f}", row.unit, f"{row.baseline:,.0f}", f"{row.ratio:.2f}"
         table.add_row(row.id, *numbers, row.note)
     Console(width=140).print(table)
     Path("build").mkdir(exist_ok=True)

@@ -19,13 +19,15 @@ from detpg.experiments.figure1 import ACTORS, COPDAC, FIGURE1, adapted
 from detpg.experiments.study import Condition
 from detpg.experiments.sweep import Shard, plan, run_shard
 
+ROWS = {f"figure1.sweep.m{m}": m for m in (10, 25, 50)}
 SEEDS = 5
 BASELINE_UPDATES = 400
 
 
-def rows(dimensions: tuple[int, ...]) -> Iterator[Row]:
+def rows(wanted: tuple[str, ...]) -> Iterator[Row]:
     """One row for each m: the whole sweep of both learners, all cores, compile time apart."""
-    for m in dimensions:
+    for name in wanted:
+        m = ROWS[name]
         shards = _shards(m)
         runs = [(shard.arm.name, len(shard.points[0][1]) * len(shard.seeds)) for shard in shards]
         num_runs = sum(number for _, number in runs)
@@ -34,7 +36,7 @@ def rows(dimensions: tuple[int, ...]) -> Iterator[Row]:
         value = num_runs * (FIGURE1.steps // (2 * m)) / seconds
         baseline, solved = (_baseline(m, fit, share) for fit in (by_lstsq, by_normal_equations))
         yield Row(
-            id=f"figure1.sweep.m{m}",
+            id=name,
             value=value,
             unit="batch updates/s",
             baseline=baseline,
