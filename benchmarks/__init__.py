@@ -1,1 +1,1 @@
-"""Throughput against baselines, measured in the same run; `python -m benchmarks [ID-PREFIX]`."""
+"""Speed and cost against baselines of the same run: `python -m benchmarks [ID-PREFIX]`."""

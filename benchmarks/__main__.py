@@ -1,6 +1,7 @@
 """Runs the benchmarks, prints a table, writes build/bench.json."""
 
 import dataclasses
+import importlib
 import json
 import os
 import sys
@@ -10,22 +11,23 @@ from pathlib import Path
 # so that compilation is measured.
 os.environ.setdefault("XLA_FLAGS", "--xla_cpu_multi_thread_eigen=false")
 
+# Each has `IDS` and `rows(wanted)`, which measures some of them. Imported after the above.
+MODULES = ("benchmarks.compatible", "benchmarks.figure1", "benchmarks.kernels")
+
 
 def main() -> None:
     """Runs every row whose id begins with the given prefix."""
     from rich.console import Console
     from rich.table import Table
 
-    from benchmarks import figure1, kernels
-
     prefix = sys.argv[1] if len(sys.argv) > 1 else ""
-    modules = (figure1, kernels)
-    wanted = {m: tuple(name for name in m.ROWS if name.startswith(prefix)) for m in modules}
-    if not any(wanted.values()):
-        known = ", ".join(name for module in modules for name in module.ROWS)
-        print(f"bench: no row begins with {prefix!r}: choose from {known}.")
+    modules = [importlib.import_module(name) for name in MODULES]
+    wanted = [tuple(name for name in m.IDS if name.startswith(prefix)) for m in modules]
+    if not any(wanted):
+        known = ", ".join(name for module in modules for name in module.IDS)
+        print(f"bench: no row begins with {prefix!r}: choose from {known}.", file=sys.stderr)
         raise SystemExit(2)
-    measured = [row for module, names in wanted.items() for row in module.rows(names)]
+    measured = [row for m, ids in zip(modules, wanted, strict=True) for row in m.rows(ids)]
 
     table = Table("id", "value", "unit", "baseline", "ratio", "note")
     for row in measured:

@@ -15,11 +15,12 @@ from benchmarks.numpy_bandit import (
 from benchmarks.rows import Row
 from detpg.cli.reproduce import cores
 from detpg.executors import Processes
-from detpg.experiments.figure1 import ACTORS, COPDAC, FIGURE1, adapted
+from detpg.experiments.figure1 import ACTORS, COPDAC, FIGURE1, RECORDED, adapted
 from detpg.experiments.study import Condition
 from detpg.experiments.sweep import Shard, plan, run_shard
 
-ROWS = {f"figure1.sweep.m{m}": m for m in (10, 25, 50)}
+SIZES = {f"figure1.sweep.m{m}": m for m in (10, 25, 50)}
+IDS = tuple(SIZES)
 SEEDS = 5
 BASELINE_UPDATES = 400
 
@@ -27,13 +28,13 @@ BASELINE_UPDATES = 400
 def rows(wanted: tuple[str, ...]) -> Iterator[Row]:
     """One row for each m: the whole sweep of both learners, all cores, compile time apart."""
     for name in wanted:
-        m = ROWS[name]
+        m = SIZES[name]
         shards = _shards(m)
         runs = [(shard.arm.name, len(shard.points[0][1]) * len(shard.seeds)) for shard in shards]
         num_runs = sum(number for _, number in runs)
-        share = sum(number for name, number in runs if name == COPDAC) / num_runs
+        share = sum(number for arm, number in runs if arm == COPDAC) / num_runs
         first, seconds = _time(shards)
-        value = num_runs * (FIGURE1.steps // (2 * m)) / seconds
+        value = num_runs * (RECORDED[-1] // (2 * m)) / seconds
         baseline, solved = (_baseline(m, fit, share) for fit in (by_lstsq, by_normal_equations))
         yield Row(
             id=name,
@@ -47,7 +48,7 @@ def rows(wanted: tuple[str, ...]) -> Iterator[Row]:
 
 
 def _shards(m: int) -> list[Shard]:
-    condition = Condition("bandit", (("m", m), ("spectrum", "mixed")))
+    condition = Condition("bandit", (("m", m), ("spectrum", "mixed")), RECORDED)
     arms = [arm for arm in FIGURE1.arms if arm.name in (COPDAC, adapted(ACTORS[0]))]
     return [
         shard
@@ -60,8 +61,6 @@ def _shards(m: int) -> list[Shard]:
             SEEDS,
             shape=FIGURE1.presets["paper"].shard,
             study_seed=0,
-            steps=FIGURE1.steps,
-            record_every=FIGURE1.record_every,
         )
     ]
 

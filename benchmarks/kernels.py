@@ -6,6 +6,7 @@ time; two threads against one by the clock. The best of several repeats counts.
 
 import shutil
 import subprocess
+import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -38,9 +39,9 @@ HYPER = {  # as in mountain_car.c
 def rows(wanted: tuple[str, ...]) -> Iterator[Row]:
     """One row for each comparison; none where what it needs is not here."""
     for name in wanted:
-        baseline, value, note = ROWS[name]()
+        baseline, value, note = MEASURES[name]()
         if baseline is None:
-            print(f"bench: {name} left out: {note}.")
+            print(f"bench: {name} left out: {note}.", file=sys.stderr)
             continue
         yield Row(name, value, "steps/s", baseline, value / baseline, note)
 
@@ -128,9 +129,10 @@ def two_threads() -> Measured:
     return baseline, value, "baseline: one thread, by the clock; target at least 1.8"
 
 
-ROWS: dict[str, Callable[[], Measured]] = {
+MEASURES: dict[str, Callable[[], Measured]] = {
     "kernels.copdac_q.vs_c": lambda: against_c("copdac-q"),
     "kernels.copdac_q.vs_jax": against_jax,
     "kernels.stochastic_ac.vs_c": lambda: against_c("stochastic-ac"),
     "kernels.threads2_vs_1": two_threads,
 }
+IDS = tuple(MEASURES)

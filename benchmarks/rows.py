@@ -12,7 +12,7 @@ class Row:
         value: Ours.
         unit: Of value and baseline.
         baseline: The other's, measured in the same run.
-        ratio: Above 1 means that ours is faster.
+        ratio: Above 1 means that ours is faster, unless the note says what else it is.
         note: What else a reader needs.
     """
 

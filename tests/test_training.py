@@ -62,17 +62,24 @@ def test_every_reset_draws_a_new_start():
     assert len(set(labels)) == 4
 
 
-def test_next_action_is_the_action_executed_next_within_an_episode():
-    _, seen = played(Chain(length=3))
-    within = [0, 1, 3, 4]
-    np.testing.assert_array_equal(seen.next_action[within], seen.action[[i + 1 for i in within]])
-    assert seen.next_action[2] != seen.action[3]
-
-
-def test_actions_come_from_the_learner_before_the_update():
+def test_next_action_is_drawn_before_learning_and_the_action_after_it():
     _, seen = played(Chain(length=3))
     # Recorder acts within one above its count, which is t before update t
     assert np.floor(seen.next_action[:, 0]).tolist() == [0, 1, 2, 3, 4, 5, 6, 7]
+    assert np.floor(seen.action[:, 0]).tolist() == [0, 1, 2, 3, 4, 5, 6, 7]
+    # within an episode both have the same noise
+    within = [0, 1, 3, 4]
+    drawn, executed = seen.next_action[within], seen.action[[i + 1 for i in within]]
+    np.testing.assert_allclose(executed, drawn + 1, rtol=1e-6)
+    assert seen.next_action[2] % 1 != seen.action[3] % 1
+
+
+def test_a_time_limit_is_told_to_the_learner():
+    _, seen = played(Chain(length=3, time_limit=2))
+    assert seen.truncated.tolist() == [False, True] * 4
+    _, seen = played(Chain(length=3, time_limit=100))
+    assert not seen.truncated.any()
+    assert seen.terminated.sum() == 2
 
 
 def test_every_step_and_every_run_has_its_own_randomness():

@@ -14,6 +14,8 @@ The folders are stops on the road of the data, and imports follow it:
     experiments    studies as data, sweeps, claims
     figures        tables drawn
 
+`detpg.diagnostics` measures one's own critic against Theorem 3, and one's own actor's direction
+against the exact gradient.
 `detpg.testing` checks one's own environments and algorithms against the protocols of `detpg.types`.
 """
 

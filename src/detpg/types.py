@@ -37,7 +37,23 @@ class Transition(eqx.Module):
     next_observation: Float[Array, "*batch obs"]
     next_action: Float[Array, "*batch act"]
     terminated: Bool[Array, "*batch"]
-    truncated: Bool[Array, "*#batch"] = eqx.field(default_factory=lambda: jnp.asarray(False))
+    truncated: Bool[Array, "*batch"]
+
+    def __init__(
+        self,
+        observation: Float[Array, "*batch obs"],
+        action: Float[Array, "*batch act"],
+        reward: Float[Array, "*batch"],
+        next_observation: Float[Array, "*batch obs"],
+        next_action: Float[Array, "*batch act"],
+        terminated: Bool[Array, "*batch"],
+        truncated: Bool[Array, "*batch"] | None = None,
+    ):
+        """One step, or a batch of them."""
+        self.observation, self.action, self.reward = observation, action, reward
+        self.next_observation, self.next_action = next_observation, next_action
+        self.terminated = terminated
+        self.truncated = jnp.zeros_like(terminated) if truncated is None else truncated
 
     @property
     def ended(self) -> Bool[Array, "*batch"]:
@@ -50,6 +66,11 @@ class Bounds(NamedTuple):
 
     low: tuple[float, ...]
     high: tuple[float, ...]
+
+    @classmethod
+    def unbounded(cls, action_size: int) -> "Bounds":
+        """Every action is legal."""
+        return cls((-math.inf,) * action_size, (math.inf,) * action_size)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -8,7 +8,9 @@ import pytest
 from detpg.algorithms import COPDACGQ, COPDACQ
 from detpg.algorithms.copdac_gq import COPDACGQState
 from detpg.algorithms.copdac_q import COPDACQState
+from detpg.critics import LinearStateValue, MLPStateValue
 from detpg.environments import LQR
+from detpg.features import QuadraticFeatures
 from detpg.policies import LinearPolicy
 from detpg.training import train
 from detpg.types import Bounds, Transition
@@ -25,7 +27,7 @@ class Weight:
 
 
 WEIGHT = Weight()
-UNBOUNDED = Bounds((-np.inf,), (np.inf,))
+UNBOUNDED = Bounds.unbounded(1)
 PARTS = {"policy": LinearPolicy(2, 1), "state_value": WEIGHT, "bounds": UNBOUNDED}
 REST = jnp.zeros(1)
 STEPS = {"gamma": 0.5, "alpha_theta": 0.1, "alpha_w": 0.2, "alpha_v": 0.4}
@@ -60,6 +62,23 @@ def test_copdac_q_by_hand(terminated: bool, delta: float):
     np.testing.assert_allclose(after.theta, [[0.65, 0.55]], rtol=1e-6)
     np.testing.assert_allclose(after.w, [[0.5 + 0.4 * delta, 0.5 + 0.8 * delta]], rtol=1e-6)
     np.testing.assert_allclose(after.v, [1.0 + 0.4 * delta, 0.5 + 0.8 * delta], rtol=1e-6)
+
+
+def test_phi_sees_the_action_as_drawn_or_as_capped():
+    """mu = 1, a = 3 and a world that caps at 2: a - mu is 2 as drawn and 1 as capped."""
+    state = COPDACQState(
+        theta=jnp.asarray([[0.5, 0.25]]),
+        w=jnp.asarray([[0.5, 0.5]]),
+        v=jnp.zeros(2),
+        deviation=REST,
+    )
+    parts = PARTS | {"bounds": Bounds((-2.0,), (2.0,))}
+    for capped, step in ((False, 2.0), (True, 1.0)):
+        learner = COPDACQ(**parts, **STEPS, capped=capped)
+        after, info = learner.update(jax.random.key(0), state, transition(terminated=True))
+        assert float(info.advantage) == pytest.approx(1.5 * step)
+        moved = 0.2 * float(info.delta) * step * np.array([[1.0, 2.0]])
+        np.testing.assert_allclose(after.w, 0.5 + moved, rtol=1e-6)
 
 
 def test_the_natural_form_steps_along_w():
@@ -121,11 +140,22 @@ def test_the_critic_of_a_fixed_actor_finds_the_slope_of_q(learner_class, options
     assert np.linalg.norm(w - exact) < 0.25 * np.linalg.norm(exact)
 
 
-@pytest.mark.parametrize("natural", [False, True])
-def test_copdac_q_improves_the_regulator(natural: bool):
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        {"natural": True},
+        {"state_value": LinearStateValue(QuadraticFeatures(2))},
+        {"state_value": MLPStateValue(2)},
+        {"correlation": 0.3},
+    ],
+    ids=["vanilla", "natural", "linear in features", "mlp", "correlated noise"],
+)
+def test_copdac_q_improves_the_regulator(options):
     world = LQR(noise=0.3)
     learner = COPDACQ.create(
-        world.spec, natural=natural, alpha_theta=1e-3, alpha_w=0.02, alpha_v=0.01, sigma=0.5
+        world.spec,
+        **({"alpha_theta": 1e-3, "alpha_w": 0.02, "alpha_v": 0.01, "sigma": 0.5} | options),
     )
     state, _ = train(learner, world, jax.random.key(1), 60_000)
     before, after = world.objective(jnp.zeros((1, 2))), world.objective(state.learner.theta)

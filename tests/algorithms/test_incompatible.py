@@ -27,7 +27,7 @@ class Product:
         return w[0] * action[0] * observation[0] - w[1] * action[0] ** 2
 
 
-UNBOUNDED = Bounds((-np.inf,), (np.inf,))
+UNBOUNDED = Bounds.unbounded(1)
 PARTS = {
     "policy": LinearPolicy(1, 1),
     "action_value": Product(),
@@ -65,8 +65,9 @@ def test_by_hand(learner, state, next_action):
 
 
 def test_the_actor_follows_the_slope_at_mu_not_at_the_action():
-    before = OPDACState(theta=jnp.asarray([[1.0]]), w=jnp.asarray([1.0, 1.0]))
-    after, _ = OPDAC(**PARTS).update(jax.random.key(0), before, TRANSITION)
+    before = OPDACState(jnp.asarray([[1.0]]), jnp.asarray([1.0, 1.0]), deviation=jnp.zeros(1))
+    learner = OPDAC(**PARTS, bounds=UNBOUNDED)
+    after, _ = learner.update(jax.random.key(0), before, TRANSITION)
     # mu(s) = 2: grad_a Q = 2 - 4 = -2, grad mu = s = 2
     np.testing.assert_allclose(after.theta, [[1.0 - 0.1 * 4]], rtol=1e-6)
 

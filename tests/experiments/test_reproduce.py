@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
-from tests.experiments.tiny_study import STUDY, reproduce
+from tests.experiments.tiny_study import TIMES, reproduce
 
 TABLES = ("sweep.parquet", "scores.parquet", "curves.parquet", "bands.parquet")
 
@@ -78,7 +78,7 @@ def test_summary_names_both_scores_and_the_claims(finished: Path):
         "provenance",
     }
     runs = 2 * ((8 + 4) * 4 + (6 + 2) * (3 + 5))
-    assert summary["environment_steps"] == runs * STUDY.steps
+    assert summary["environment_steps"] == runs * TIMES[-1]
     row = summary["selected"][0]
     assert row["sweep_score"] > 0
     assert row["fresh_score"] > 0

@@ -15,12 +15,12 @@ def costs() -> np.ndarray:
 
 
 def test_scores_by_hand():
-    np.testing.assert_allclose(score(costs(), "final", 100.0)[:, 0], [1, 5, np.inf, 4])
-    np.testing.assert_allclose(score(costs(), "mean", 100.0)[:, 0], [25.5, 5, np.inf, 12])
+    np.testing.assert_allclose(score(costs(), "final", 100.0, 10)[:, 0], [1, 5, np.inf, 4])
+    np.testing.assert_allclose(score(costs(), "mean", 100.0, 10)[:, 0], [25.5, 5, np.inf, 12])
 
 
 def test_rules_pick_different_points():
-    selection = select(costs(), POINTS, ("final", "mean"), "sigma", 100.0)
+    selection = select(costs(), POINTS, ("final", "mean"), "sigma", 100.0, 10)
     chosen = {choice.role: choice.index for choice in selection.choices}
     assert chosen == {
         "final": 0,
@@ -39,7 +39,7 @@ def test_edges_are_reported_and_a_held_value_is_none():
     for best, edges in ((0, ("alpha",)), (1, ()), (2, ("alpha",))):
         values = np.ones((3, 1, 20))
         values[best] = 0
-        (choice,) = select(values, points, ("final",), None, 100.0).choices
+        (choice,) = select(values, points, ("final",), None, 100.0, 10).choices
         assert (choice.index, choice.edges) == (best, edges)
 
 

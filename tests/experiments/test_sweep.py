@@ -1,3 +1,5 @@
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -9,7 +11,8 @@ from detpg.evaluation import greedy_return
 from detpg.experiments.sweep import STREAMS, join, plan, run_shard
 from detpg.training import train
 
-CONDITION, ARM = STUDY.conditions[1], STUDY.arms[0]
+CONDITION = dataclasses.replace(STUDY.conditions[1], times=tuple(range(12, 121, 12)))
+ARM = STUDY.arms[0]
 
 
 def shards(shape: tuple[int, int], num_seeds: int = 5):
@@ -21,8 +24,6 @@ def shards(shape: tuple[int, int], num_seeds: int = 5):
         num_seeds,
         shape=shape,
         study_seed=7,
-        steps=120,
-        record_every=12,
     )
 
 
@@ -86,7 +87,7 @@ def test_a_shard_is_the_same_as_one_run_by_hand():
 
 def test_the_recorded_cost_is_that_before_the_update():
     """With 2m = 50 = half the recording interval, the first value is after one update, not two."""
-    condition = type(CONDITION)("bandit", (("m", 25), ("spectrum", "isotropic")))
+    condition = type(CONDITION)("bandit", (("m", 25), ("spectrum", "isotropic")), (100,))
     arm = type(ARM)("z", "bandit-copdac", (), (("alpha_theta", (0.0,)), ("sigma", (0.1,))))
     (shard,) = plan(
         condition,
@@ -96,8 +97,6 @@ def test_the_recorded_cost_is_that_before_the_update():
         1,
         shape=(1, 1),
         study_seed=0,
-        steps=100,
-        record_every=100,
     )
     # theta stays at 0, so the cost is 0.1 * 16 * 25 exactly.
     np.testing.assert_allclose(run_shard(shard), jnp.full((1, 1, 1), 40.0), rtol=1e-6)

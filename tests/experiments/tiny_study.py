@@ -6,6 +6,9 @@ from pathlib import Path
 from detpg.experiments.claims import Claim, above_one, ratio_of_means
 from detpg.experiments.reproduce import Reproduction, run_directory
 from detpg.experiments.study import Arm, Condition, Preset, Results, Study
+from detpg.experiments.sweep import run_shard
+
+TIMES = tuple(range(12, 1201, 12))
 
 
 def judge(results: Results) -> list[Claim]:
@@ -20,7 +23,7 @@ STUDY = Study(
     title="Tiny",
     section="5.1",
     claim="None.",
-    conditions=tuple(Condition("bandit", (("m", m), ("spectrum", "mixed"))) for m in (2, 3)),
+    conditions=tuple(Condition("bandit", (("m", m), ("spectrum", "mixed")), TIMES) for m in (2, 3)),
     arms=(
         Arm(
             "d",
@@ -36,12 +39,14 @@ STUDY = Study(
             (("alpha_theta", (0.001, 1e6)), ("alpha_y", (0.0001,)), ("sigma", (0.3, 1.0))),
         ),
     ),
-    steps=1200,
-    record_every=12,
     metric="cost of the mean",
+    measured="cost",
     lost_above=1000.0,
+    num_final=10,
     rules=("final", "mean"),
+    verdicts="By hand.",
     presets={"all": Preset((), 4, fresh_seeds=3, interval_seeds=5, shard=(3, 2))},
+    run_shard=run_shard,
     judge=judge,
 )
 

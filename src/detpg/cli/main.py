@@ -11,9 +11,11 @@ import tyro
 from detpg.cli.errors import UserError
 from detpg.cli.list_command import List
 from detpg.cli.reproduce import Reproduce
+from detpg.cli.verify import Verify
 
 Command = (
     Annotated[Reproduce, tyro.conf.subcommand("reproduce")]
+    | Annotated[Verify, tyro.conf.subcommand("verify")]
     | Annotated[List, tyro.conf.subcommand("list")]
 )
 

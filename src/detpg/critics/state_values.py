@@ -1,6 +1,7 @@
 """Differentiable state values V^v(s): the baseline of the compatible critic."""
 
 import dataclasses
+from typing import Literal
 
 import jax
 import jax.numpy as jnp
@@ -49,15 +50,17 @@ class QuadraticStateValue:
 
 @dataclasses.dataclass(frozen=True)
 class MLPStateValue:
-    """V^v(s) as one hidden layer of tanh units (Section 5.3 has one of 40 units).
+    """V^v(s) as one hidden layer (Section 5.3: 40 units) and a linear output.
 
     Attributes:
         observation_size: d.
         hidden: Units.
+        activation: Of the hidden units; the paper does not say which.
     """
 
     observation_size: int
     hidden: int = 40
+    activation: Literal["tanh", "sigmoid"] = "tanh"
 
     def init(self, key: PRNGKeyArray) -> PyTree:
         """Hidden weights normal with variance 1 / inputs; output weights 0, so that V = 0."""
@@ -71,4 +74,5 @@ class MLPStateValue:
 
     def __call__(self, v: PyTree, observation: Observation) -> Number:
         hidden = jnp.dot(v["weight"], observation, precision="highest") + v["bias"]
-        return jnp.dot(v["output"], jnp.tanh(hidden), precision="highest") + v["constant"]
+        unit = jnp.tanh(hidden) if self.activation == "tanh" else jax.nn.sigmoid(hidden)
+        return jnp.dot(v["output"], unit, precision="highest") + v["constant"]

@@ -4,7 +4,7 @@ import itertools
 import math
 from typing import Any
 
-from detpg.experiments.claims import MAX_LOST, WITHIN, Claim
+from detpg.experiments.claims import Claim
 from detpg.experiments.study import Study
 
 
@@ -30,19 +30,13 @@ def claims_page(
         f"reproduced, {counts['not reproduced']} not, "
         f"{len(claims) - sum(counts.values())} inconclusive.",
         "",
-        "A claim with a published number is *reproduced* if the whole 95% interval of ours lies "
-        f"within a factor {WITHIN:g} of it, and *not reproduced* if the whole interval lies "
-        "outside; a claim about a direction if the interval lies above or below 1; otherwise it "
-        "is *inconclusive*. Intervals are percentile bootstraps over runs; runs "
-        "that diverged are left out of the means and counted, and with more than "
-        f"{MAX_LOST:.0%} of them the verdict is inconclusive. Costs at 10,000 steps are "
-        "means of the last ten recordings, ours and the published ones.",
+        study.verdicts,
         "",
     ]
     body = []
     for reading, members in itertools.groupby(claims, lambda claim: claim.reading):
         body += [f"## {reading}", "", *_table(list(members)), ""]
-    return "\n".join([*head, *body, *_selected_table(selected)]) + "\n"
+    return "\n".join([*head, *body, *_selected_table(selected, study)]) + "\n"
 
 
 def _table(claims: list[Claim]) -> list[str]:
@@ -64,15 +58,15 @@ def _runs(claim: Claim) -> str:
     return f"{claim.num_runs}{diverged}"
 
 
-def _selected_table(selected: list[dict[str, Any]]) -> list[str]:
+def _selected_table(selected: list[dict[str, Any]], study: Study) -> list[str]:
     """The best points with both scores, and what lies on an edge of its grid."""
     options = list(itertools.takewhile(lambda name: name != "arm", selected[0]))
     lines = [
         "## The chosen points",
         "",
-        "Chosen on the sweep seeds by the final cost (mean of the last ten recordings) or by the "
-        "mean cost (of all recordings); the score on fresh seeds is the honest one. A value in "
-        "bold lies on an edge of its grid.",
+        f"Chosen on the sweep seeds by the final {study.measured} (mean of the last "
+        f"{study.num_final} recordings) or by the mean {study.measured} (of all recordings); the "
+        "score on fresh seeds is the honest one. A value in bold lies on an edge of its grid.",
         "",
         "| "
         + " | ".join(options)

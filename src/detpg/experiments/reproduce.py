@@ -12,7 +12,7 @@ from detpg.executors import InProcess, Processes
 from detpg.experiments.report import claims_page
 from detpg.experiments.selection import score, select
 from detpg.experiments.study import Arm, Condition, Phase, Results, Study
-from detpg.experiments.sweep import Shard, join, plan, run_shard
+from detpg.experiments.sweep import Shard, join, plan
 from detpg.experiments.tables import Cells, write_tables
 from detpg.runs import RunDirectory, provenance, write_atomically
 
@@ -48,13 +48,14 @@ class Reproduction:
         """Runs what is missing, then writes the tables and, last, the summary."""
         cells = [(c, arm) for c in self.study.conditions for arm in self.study.arms_of(self.preset)]
         grids = {arm.name: arm.points(self.study.presets[self.preset].thin) for _, arm in cells}
-        above = self.study.lost_above
-        executor = InProcess(run_shard) if self.workers == 1 else Processes(run_shard, self.workers)
+        judged = self.study.lost_above, self.study.num_final
+        run = self.study.run_shard
+        executor = InProcess(run) if self.workers == 1 else Processes(run, self.workers)
         with executor:
             sweep = self._phase(executor, "sweep", {(c, arm): grids[arm.name] for c, arm in cells})
             selections = {
                 (c, arm.name): select(
-                    sweep[c, arm.name], grids[arm.name], self.study.rules, arm.profile, above
+                    sweep[c, arm.name], grids[arm.name], self.study.rules, arm.profile, *judged
                 )
                 for c, arm in cells
             }
@@ -68,9 +69,10 @@ class Reproduction:
                 costs |= {(c, name, phase): values for (c, name), values in done.items()}
         results = Results(self.study, selections, costs, grids, self.seed)
         write_tables(results, sweep, self.directory.path)
+        cells_run = [*sweep.items(), *((key[:2], values) for key, values in costs.items())]
         self._write_report(
             results,
-            sum(values.shape[0] * values.shape[1] for values in (*sweep.values(), *costs.values())),
+            sum(condition.steps * v.shape[0] * v.shape[1] for (condition, _), v in cells_run),
         )
 
     def _phase(
@@ -79,7 +81,7 @@ class Reproduction:
         phase: Phase,
         points: dict[tuple[Condition, Arm], Grid],
     ) -> Cells:
-        """Metric (points, seeds, time) of every cell, from finished shards where they exist."""
+        """Cost (points, seeds, time) of every cell, from finished shards where they exist."""
         scale = self.study.presets[self.preset]
         plans = {
             (condition, arm.name): plan(
@@ -90,8 +92,6 @@ class Reproduction:
                 scale.num_seeds(phase),
                 shape=scale.shard,
                 study_seed=self.seed,
-                steps=self.study.steps,
-                record_every=self.study.record_every,
             )
             for (condition, arm), grid in points.items()
         }
@@ -125,7 +125,7 @@ class Reproduction:
             self.progress(phase, len(results), len(shards))
         return results
 
-    def _write_report(self, results: Results, num_runs: int) -> None:
+    def _write_report(self, results: Results, environment_steps: int) -> None:
         claims = self.study.judge(results)
         selected = [row for cell in results.selections for row in _selected(results, *cell)]
         page = claims_page(self.study, self.preset, self.seed, selected, claims)
@@ -136,7 +136,7 @@ class Reproduction:
                 "figure": self.study.name,
                 "preset": self.preset,
                 "seed": self.seed,
-                "environment_steps": self.study.steps * num_runs,
+                "environment_steps": environment_steps,
                 "wall_seconds": round(self.directory.seconds, 1),
                 "selected": selected,
                 "claims": [claim.as_json() for claim in claims],
@@ -154,17 +154,19 @@ def _selected(results: Results, condition: Condition, arm: str) -> Iterator[dict
     selection = results.selections[condition, arm]
     for rule in results.study.rules:
         best = selection.choices[selection.row(rule)]
-        fresh = score(results.runs(condition, arm, rule), rule, results.study.lost_above)
+        runs, study = results.runs(condition, arm, rule), results.study
+        fresh = score(runs, rule, study.lost_above, study.num_final)
         kept = fresh[np.isfinite(fresh)]
+        sign = -1.0 if study.measured == "return" else 1.0
         grid = results.points[arm]
         yield {
-            **dict(condition.options),
+            **dict(condition.columns),
             "arm": arm,
             "chosen_by": rule,
             "point": {name: float(values[best.index]) for name, values in grid.items()},
             "on_edge": list(best.edges),
-            "sweep_score": _number(best.score),
-            "fresh_score": float(kept.mean()) if kept.size else None,
+            "sweep_score": _number(sign * best.score),
+            "fresh_score": sign * float(kept.mean()) if kept.size else None,
             "sweep_runs": selection.num_runs,
             "sweep_runs_diverged": selection.num_diverged,
             "fresh_runs": fresh.size,

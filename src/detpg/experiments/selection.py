@@ -6,7 +6,6 @@ from typing import Literal
 import numpy as np
 
 Rule = Literal["final", "mean"]
-FINAL_POINTS = 10
 
 
 @dataclasses.dataclass(frozen=True)
@@ -52,26 +51,28 @@ class Selection:
         return [choice.role for choice in self.choices].index(role)
 
 
-def lost(costs: np.ndarray, above: float) -> np.ndarray:
+def lost(costs: np.ndarray, above: float | None) -> np.ndarray:
     """Whether each run has diverged: a number that is not finite, or an end above `above`.
 
     Args:
         costs: Shape (..., time).
         above: A cost that no start has; see `Study.lost_above`.
     """
-    return ~np.isfinite(costs).all(axis=-1) | ~(costs[..., -1] <= above)
+    highest = np.inf if above is None else above
+    return ~np.isfinite(costs).all(axis=-1) | ~(costs[..., -1] <= highest)
 
 
-def score(costs: np.ndarray, rule: Rule, above: float) -> np.ndarray:
+def score(costs: np.ndarray, rule: Rule, above: float | None, num_final: int) -> np.ndarray:
     """One number per run, lower is better; infinite for a run that has diverged.
 
     Args:
         costs: Shape (..., time).
-        rule: "final": mean of the last ten recordings. "mean": mean of all, which is the area
-            under the curve.
+        rule: "final": mean of the last recordings. "mean": mean of all, which is the area under
+            the curve.
         above: See `lost`.
+        num_final: How many recordings count as the last.
     """
-    kept = costs[..., -FINAL_POINTS:] if rule == "final" else costs
+    kept = costs[..., -num_final:] if rule == "final" else costs
     with np.errstate(all="ignore"):
         means = np.mean(kept, axis=-1, dtype=np.float64)
     return np.where(lost(costs, above), np.inf, means)
@@ -82,7 +83,8 @@ def select(
     points: dict[str, np.ndarray],
     rules: tuple[Rule, ...],
     profile: str | None,
-    above: float,
+    above: float | None,
+    num_final: int,
 ) -> Selection:
     """The best point by each rule, over the whole grid and at each value of `profile`.
 
@@ -92,11 +94,12 @@ def select(
         rules: See `score`.
         profile: Hyper-parameter to hold, or None.
         above: See `lost`.
+        num_final: See `score`.
     """
     everywhere = np.arange(len(costs))
     choices = []
     for rule in rules:
-        scores = score(costs, rule, above).mean(axis=-1)
+        scores = score(costs, rule, above, num_final).mean(axis=-1)
         choices.append(_choose(rule, rule, scores, points, everywhere))
         if profile is None:
             continue

@@ -17,15 +17,32 @@ Phase = Literal["sweep", "fresh", "interval"]
 
 @dataclasses.dataclass(frozen=True)
 class Condition:
-    """One problem of a study: a registered environment with its static options."""
+    """One problem of a study.
+
+    Attributes:
+        environment: Registry name.
+        options: Static options of the environment.
+        times: Environment steps at which the metric is recorded, in order; a run ends at the last.
+    """
 
     environment: str
     options: Options
+    times: tuple[int, ...]
+
+    @property
+    def columns(self) -> Options:
+        """What tells it from the study's other problems, for tables."""
+        return self.options or (("task", self.environment),)
 
     @property
     def label(self) -> str:
         """For file names and progress: m-10-spectrum-mixed."""
-        return "-".join(f"{name}-{value}" for name, value in self.options)
+        return "-".join(f"{name}-{value}" for name, value in self.columns)
+
+    @property
+    def steps(self) -> int:
+        """Environment steps of a run."""
+        return self.times[-1]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -93,7 +110,7 @@ class Results:
     Attributes:
         study: The study.
         selections: (condition, arm name) -> the chosen points and their sweep scores.
-        costs: (condition, arm name, phase) -> metric of shape (selected, seeds, time).
+        costs: (condition, arm name, phase) -> cost of shape (selected, seeds, time).
         points: Arm name -> its grid points.
         seed: The study's seed.
     """
@@ -105,7 +122,7 @@ class Results:
     seed: int
 
     def runs(self, condition: Condition, arm: str, role: str) -> np.ndarray:
-        """Metric of shape (runs, time) of a chosen point: the interval runs where there are any."""
+        """Cost of shape (runs, time) of a chosen point: the interval runs where there are any."""
         row = self.selections[condition, arm].row(role)
         many = self.costs.get((condition, arm, "interval"))
         return (self.costs[condition, arm, "fresh"] if many is None else many)[row]
@@ -122,12 +139,16 @@ class Study:
         claim: What the paper claims, in our words.
         conditions: The problems.
         arms: The learners.
-        steps: Environment steps of a run.
-        record_every: Steps between recordings of the metric.
         metric: What is recorded, in words, with its unit.
-        lost_above: A metric that no run starts with: one that ends above it has diverged.
+        measured: "cost", lower is better, or "return", whose negative is the cost everywhere but
+            in tables and pictures.
+        lost_above: A cost that no run starts with: one that ends above it has diverged. None: only
+            a run that is not finite has.
+        num_final: Recordings whose mean is the final cost.
         rules: What "best performing" may mean: each picks its own points.
+        verdicts: How the claims are judged, for the head of the report.
         presets: Name -> how much is run.
+        run_shard: What a worker does: from a Shard to costs of shape (points, seeds, time).
         judge: From results to claims.
     """
 
@@ -137,30 +158,26 @@ class Study:
     claim: str
     conditions: tuple[Condition, ...]
     arms: tuple[Arm, ...]
-    steps: int
-    record_every: int
     metric: str
-    lost_above: float
+    measured: Literal["cost", "return"]
+    lost_above: float | None
+    num_final: int
     rules: tuple[Rule, ...]
+    verdicts: str
     presets: dict[str, Preset]
+    run_shard: Callable[[Any], np.ndarray]
     judge: Callable[[Results], list[Claim]]
 
     def arms_of(self, preset: str) -> tuple[Arm, ...]:
         """The learners that a preset runs."""
         return tuple(arm for arm in self.arms if arm.name not in self.presets[preset].without)
 
-    @property
-    def times(self) -> np.ndarray:
-        """Steps at which the metric is recorded."""
-        return np.arange(self.record_every, self.steps + 1, self.record_every)
-
     def config(self, preset: str, seed: int) -> dict[str, Any]:
         """Everything that decides the study's numbers, as JSON types."""
-        parts = dataclasses.asdict(dataclasses.replace(self, judge=_no_claims))
-        del parts["judge"], parts["presets"]
+        parts = {
+            field.name: getattr(self, field.name)
+            for field in dataclasses.fields(self)
+            if field.name not in ("judge", "run_shard", "presets", "verdicts")
+        }
         resolved = {**parts, "preset": preset, "scale": self.presets[preset], "seed": seed}
         return json.loads(json.dumps(resolved, default=dataclasses.asdict))
-
-
-def _no_claims(results: Results) -> list[Claim]:
-    return []

@@ -32,8 +32,6 @@ class Shard:
         seeds: Numbers of the seeds, at most `shape[1]`.
         shape: Points and seeds side by side; what is missing is padded.
         study_seed: The study's seed.
-        steps: Environment steps.
-        record_every: Steps between recordings.
         index: Position among the shards of the same condition, arm and phase.
     """
 
@@ -44,8 +42,6 @@ class Shard:
     seeds: tuple[int, ...]
     shape: tuple[int, int]
     study_seed: int
-    steps: int
-    record_every: int
     index: int
 
     @property
@@ -70,8 +66,6 @@ def plan(
     *,
     shape: tuple[int, int],
     study_seed: int,
-    steps: int,
-    record_every: int,
 ) -> list[Shard]:
     """Cuts points x seeds into shards, points first.
 
@@ -83,8 +77,6 @@ def plan(
         num_seeds: Seeds 0 ... num_seeds - 1 of the phase's stream.
         shape: Points and seeds side by side in one shard.
         study_seed: The study's seed.
-        steps: Environment steps of a run.
-        record_every: Steps between recordings.
     """
     num_points, (wide, deep) = len(next(iter(points.values()))), shape
     blocks = [
@@ -101,8 +93,6 @@ def plan(
             tuple(seeds),
             shape,
             study_seed,
-            steps,
-            record_every,
             index,
         )
         for index, (part, seeds) in enumerate(blocks)
@@ -124,8 +114,8 @@ def run_shard(shard: Shard) -> np.ndarray:
 
     The shard is padded to one shape, so that a program is compiled once for a learner and a size.
     """
-    arm, times = shard.arm, (shard.steps, shard.record_every)
-    program = _program(arm.algorithm, arm.options, *times)
+    arm = shard.arm
+    program = _program(arm.algorithm, arm.options, shard.condition.times)
     num_points, num_seeds = len(shard.points[0][1]), len(shard.seeds)
     points = {
         name: jnp.asarray(np.resize(values, shard.shape[0]), dtype=float)
@@ -151,8 +141,7 @@ def _build(condition: Condition):
 def _program(
     algorithm: str,
     options: tuple[tuple[str, Any], ...],
-    steps: int,
-    record_every: int,
+    times: tuple[int, ...],
 ):
     """The compiled run of points x seeds.
 
@@ -169,14 +158,15 @@ def _program(
         def cost_of_mean(state: Any) -> Float[Array, ""]:
             return -greedy_return(learner, environment, evaluation_key, state)
 
-        _, log = train(learner, environment, train_key, steps, probe=cost_of_mean)
-        every, rest = divmod(record_every, learner.batch_size or 1)
-        if rest:
+        _, log = train(learner, environment, train_key, times[-1], probe=cost_of_mean)
+        size = learner.batch_size or 1
+        odd = [time for time in times if time % size]
+        if odd:
             raise ValueError(
-                f"record_every = {record_every} is not usable: give a multiple of "
-                f"{learner.batch_size}, the steps of one update."
+                f"A recording at step {odd[0]} is not possible: give multiples of {size}, the "
+                "steps of one update."
             )
-        return log.probe[every - 1 :: every]
+        return log.probe[np.array(times) // size - 1]
 
     over_seeds = jax.vmap(one, in_axes=(None, 0, 0))
     over_points = jax.vmap(over_seeds, in_axes=(0, None, None))

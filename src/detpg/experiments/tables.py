@@ -13,7 +13,7 @@ import numpy as np
 import pyarrow as pa
 
 from detpg.evaluation.intervals import bootstrap_means
-from detpg.experiments.selection import lost, score
+from detpg.experiments.selection import Rule, lost, score
 from detpg.experiments.study import Arm, Condition, Phase, Results, Study
 from detpg.runs import TableWriter
 
@@ -25,7 +25,6 @@ BANDS = {
     **dict.fromkeys(("mean", "low", "high"), pa.float32()),
     **COUNTS,
 }
-SCORES = {"final_cost": pa.float32(), "mean_cost": pa.float32(), **COUNTS}
 Cells = dict[tuple[Condition, str], np.ndarray]
 
 
@@ -38,14 +37,16 @@ def write_tables(results: Results, sweep: Cells, directory: Path) -> None:
         directory: Where the tables go.
     """
     study, arms = results.study, {arm.name: arm for arm in results.study.arms}
-    runs = {"seed": pa.int32(), "step": pa.int32(), "cost": pa.float32(), "finite": pa.bool_()}
+    shown = study.measured
+    runs = {"seed": pa.int32(), "step": pa.int32(), shown: pa.float32(), "finite": pa.bool_()}
+    summed = {**dict.fromkeys((f"{rule}_{shown}" for rule in study.rules), pa.float32()), **COUNTS}
     with (
         TableWriter(directory / "sweep.parquet", _schema(study, runs)) as table,
-        TableWriter(directory / "scores.parquet", _schema(study, SCORES)) as scores,
+        TableWriter(directory / "scores.parquet", _schema(study, summed)) as scores,
     ):
         for (condition, name), values in sweep.items():
             axes = _axes(results, condition, arms[name], "sweep", values.shape, range(len(values)))
-            table.block(axes, {"cost": values, "finite": np.isfinite(values)})
+            table.block(axes, _runs(values, study))
             scores.block(axes, _scores(values, study))
     roles = {"role": pa.string()}
     with (
@@ -57,15 +58,27 @@ def write_tables(results: Results, sweep: Cells, directory: Path) -> None:
             points = [choice.index for choice in choices]
             axes = _axes(results, condition, arms[name], phase, values.shape, points)
             axes["role"] = (0, [choice.role for choice in choices])
-            table.block(axes, {"cost": values, "finite": np.isfinite(values)})
-            bands.block(axes | {"step": (1, study.times.tolist())}, _bands(values, study))
+            table.block(axes, _runs(values, study))
+            bands.block(axes | {"step": (1, list(condition.times))}, _bands(values, study))
+
+
+def _shown(costs: np.ndarray, study: Study) -> np.ndarray:
+    """Costs as people read them: returns, where the study measures returns."""
+    return -costs if study.measured == "return" else costs
+
+
+def _runs(values: np.ndarray, study: Study) -> dict[str, np.ndarray]:
+    return {study.measured: _shown(values, study), "finite": np.isfinite(values)}
 
 
 def _scores(values: np.ndarray, study: Study) -> dict[str, np.ndarray]:
     """One row per point: mean score over seeds by each rule, and how many runs diverged."""
-    above = study.lost_above
-    scores = {f"{rule}_cost": score(values, rule, above).mean(axis=1) for rule in study.rules}
-    diverged = np.sum(lost(values, above), axis=1)
+
+    def means(rule: Rule) -> np.ndarray:
+        return score(values, rule, study.lost_above, study.num_final).mean(axis=1)
+
+    scores = {f"{rule}_{study.measured}": _shown(means(rule), study) for rule in study.rules}
+    diverged = np.sum(lost(values, study.lost_above), axis=1)
     return {**scores, "num_runs": np.full(len(values), values.shape[1]), "num_diverged": diverged}
 
 
@@ -75,7 +88,7 @@ def _bands(values: np.ndarray, study: Study) -> dict[str, np.ndarray]:
     kept = ~lost(values, study.lost_above)
     bands = {name: np.full((num_roles, num_times), np.nan) for name in ("mean", "low", "high")}
     for role in np.flatnonzero(kept.any(axis=1)):
-        runs = values[role, kept[role]].T.astype(np.float64)
+        runs = _shown(values[role, kept[role]].T.astype(np.float64), study)
         means = bootstrap_means(runs, seed=0, num_resamples=BAND_RESAMPLES)
         bands["mean"][role] = runs.mean(axis=-1)
         bands["low"][role], bands["high"][role] = np.percentile(means, [2.5, 97.5], axis=-1)
@@ -94,13 +107,13 @@ def _axes(
     """What each entry of a cell's array (points, seeds, time) stands for."""
     axes: dict[str, Any] = {
         "study": results.study.name,
-        **dict(condition.options),
+        **dict(condition.columns),
         "arm": arm.name,
         "algorithm": arm.algorithm,
         "phase": phase,
         "point": (0, list(points)),
         "seed": (1, list(range(shape[1]))),
-        "step": (2, results.study.times.tolist()),
+        "step": (2, list(condition.times)),
     }
     grid = results.points[arm.name]
     for name in _hyper_names(results.study):
@@ -116,7 +129,7 @@ def _hyper_names(study: Study) -> list[str]:
 def _schema(study: Study, columns: dict[str, pa.DataType]) -> pa.Schema:
     """The columns that say what was run, then the given ones."""
     kinds: dict[str, pa.DataType] = {"study": pa.string()}
-    for name, value in study.conditions[0].options:
+    for name, value in study.conditions[0].columns:
         kinds[name] = pa.int32() if isinstance(value, int) else pa.string()
     kinds |= dict.fromkeys(("arm", "algorithm", "phase"), pa.string())
     kinds |= {"point": pa.int32()}

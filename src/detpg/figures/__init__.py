@@ -6,10 +6,11 @@ In: the tables of a run directory. Out: png, svg and pdf files beside them.
 from collections.abc import Callable
 from pathlib import Path
 
-from detpg.figures import figure1
+from detpg.figures import figure1, theorems
 
 FIGURES: dict[str, tuple[tuple[str, ...], Callable[[Path], None]]] = {
     "figure1": (figure1.FILES, figure1.draw),
+    "theorems": (theorems.FILES, theorems.draw),
 }
 
 
