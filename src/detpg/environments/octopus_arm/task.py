@@ -22,7 +22,7 @@ from detpg.types import Action, EnvironmentSpec, Number, Observation, check_hype
 class OctopusArm(eqx.Module):
     """Octopus arm of S segments in water, on a base that turns, in a plane (Section 5.3).
 
-    **Observation** (2 + 8S numbers, 50 for S = 6; L: about a segment's length, T: a fifth of a step)
+    **Observation** (2 + 8S numbers, 50 for S = 6; L: about a segment, T: a fifth of a step)
 
     | index | quantity | unit | min | max |
     | --- | --- | --- | --- | --- |
@@ -101,11 +101,9 @@ class OctopusArm(eqx.Module):
         Raises:
             ValueError: What no arm can be built from, in one sentence.
         """
-        del key
         self.parameters = choose(parameters, num_segments)
-        self.observation_scale = scale_of(
-            observation_scale, self.parameters.num_segments, random_targets
-        )
+        segments = self.parameters.num_segments
+        self.observation_scale = scale_of(observation_scale, segments, random_targets)
         self.distance_weight, self.hit_reward = strong(distance_weight), strong(hit_reward)
         self.start_noise = strong(start_noise)
         self.random_targets, self.time_limit, self.discount = random_targets, time_limit, discount
@@ -115,8 +113,8 @@ class OctopusArm(eqx.Module):
     @property
     def spec(self) -> EnvironmentSpec:
         m = 2 + 3 * self.parameters.num_segments
-        size, bounds = self.observation_scale.shape[-1], ((0.0,) * m, (1.0,) * m)
-        return EnvironmentSpec("octopus-arm", size, m, *bounds, self.time_limit, self.discount)
+        size, box = self.observation_scale.shape[-1], ((0.0,) * m, (1.0,) * m)
+        return EnvironmentSpec("octopus-arm", size, m, *box, self.time_limit, self.discount)
 
     @property
     def macro_actions(self) -> Float[Array, "8 act"]:
@@ -154,7 +152,7 @@ class OctopusArm(eqx.Module):
         return derivative(body, activate(body, action), state.arm)
 
     def to_vector(self, state: State) -> Float[Array, "numbers"]:
-        """The arm as 2 + 8S numbers, in the observation's order and not scaled."""
+        """The arm as 2 + 8S numbers in the observation's order, not scaled."""
         return to_vector(state.arm)
 
     def from_vector(self, vector: Float[Array, "numbers"]) -> State:
