@@ -7,10 +7,14 @@ from detpg import ALGORITHMS, ENVIRONMENTS
 from detpg.testing import check_algorithm, check_environment
 from toys import Chain, Recorder
 
+# A step of it spreads the rounding of single precision beyond what the check allows.
+DOUBLE = {"octopus-arm"}
+
 
 @pytest.mark.parametrize("name", ENVIRONMENTS)
 def test_environments(name):
-    check_environment(ENVIRONMENTS[name](), jax.random.key(1))
+    with jax.enable_x64(name in DOUBLE):
+        check_environment(ENVIRONMENTS[name](), jax.random.key(1))
 
 
 @pytest.mark.parametrize("name", ALGORITHMS)

@@ -7,6 +7,7 @@ Next: the observation goes to a policy (`detpg.policies`).
 from detpg.environments.bandit import QuadraticBandit
 from detpg.environments.lqr import LQR
 from detpg.environments.mountain_car import MountainCar
+from detpg.environments.octopus_arm import OctopusArm
 from detpg.environments.pendulum import Pendulum
 from detpg.environments.puddle_world import PuddleWorld
 from detpg.environments.scaled_actions import ScaledActions
@@ -16,6 +17,7 @@ ENVIRONMENTS: dict[str, type[Environment]] = {
     "bandit": QuadraticBandit,
     "lqr": LQR,
     "mountain-car": MountainCar,
+    "octopus-arm": OctopusArm,
     "pendulum": Pendulum,
     "puddle-world": PuddleWorld,
 }
@@ -24,6 +26,7 @@ __all__ = [
     "ENVIRONMENTS",
     "LQR",
     "MountainCar",
+    "OctopusArm",
     "Pendulum",
     "PuddleWorld",
     "QuadraticBandit",
