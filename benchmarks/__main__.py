@@ -12,7 +12,12 @@ from pathlib import Path
 os.environ.setdefault("XLA_FLAGS", "--xla_cpu_multi_thread_eigen=false")
 
 # Each has `IDS` and `rows(wanted)`, which measures some of them. Imported after the above.
-MODULES = ("benchmarks.compatible", "benchmarks.figure1")
+MODULES = (
+    "benchmarks.compatible",
+    "benchmarks.figure1",
+    "benchmarks.kernels",
+    "benchmarks.octopus",
+)
 
 
 def main() -> None:

@@ -11,7 +11,7 @@ from typing import Any
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 
-SHOWN = ("*/claims.md", "*/*.png")
+SHOWN = ("*/claims.md", "*/checks.md", "*/*.png")
 CLAIMS = "results/figure1/claims.md"
 NONE_YET = "# Figure 1: the claims\n\nNo results are committed yet: run `make reproduce`.\n"
 

@@ -9,8 +9,10 @@ The folders are stops on the road of the data, and imports follow it:
     actors         ascent directions
     algorithms     the paper's boxes, where the four stops above meet
     training       the one loop over time
+    kernels        the same for tile-coded learners, compiled
     evaluation     greedy returns, intervals
     experiments    studies as data, sweeps, claims
+    theorems       beside it: the paper's theorems as checks
     figures        tables drawn
 
 `detpg.diagnostics` measures one's own critic against Theorem 3, and one's own actor's direction

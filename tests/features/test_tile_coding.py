@@ -71,7 +71,7 @@ def test_dimension_0_is_the_fastest():
 def test_jitter_shifts_each_tiling_down_by_at_most_half_of_it_in_units_of_the_shift():
     plain = TileCoding((0.0, 0.0), (1.0, 2.0), (5, 5), num_tilings=50)
     shifted = dataclasses.replace(plain, jitter=0.2, seed=1)
-    down = (plain.starts - shifted.starts) / (plain.widths / 50)
+    down = (plain.starts - shifted.starts) * plain.density * 50
     assert 0 <= down.min() < 0.02
     assert 0.08 < down.max() <= 0.1
     assert len(np.unique(down)) == 100

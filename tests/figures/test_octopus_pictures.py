@@ -13,6 +13,7 @@ from PIL import Image
 
 from detpg.environments import OctopusArm
 from detpg.figures import octopus
+from detpg.figures.frames import render
 
 PIXELS = 300
 WORLD = OctopusArm(3, target=(1.5, 1.5))
@@ -39,6 +40,11 @@ def test_a_frame_is_pixels_and_the_same_again():
     picture = framed(action=REST)
     assert picture.shape == (PIXELS, PIXELS, 3)
     assert picture.dtype == np.uint8
+    np.testing.assert_array_equal(picture, framed())
+
+
+def test_render_knows_the_arm():
+    picture = render(WORLD, STATE, PIXELS)
     np.testing.assert_array_equal(picture, framed())
 
 

@@ -104,9 +104,9 @@ class TileCoding:
         return self.num_tilings + self.bias
 
     @functools.cached_property
-    def widths(self) -> np.ndarray:
-        """Width of a tile along each dimension."""
-        return _shifts(self)[1]
+    def density(self) -> np.ndarray:
+        """Tiles per unit of each dimension, one over the width of a tile."""
+        return 1 / _shifts(self)[1]
 
     @functools.cached_property
     def starts(self) -> np.ndarray:
@@ -124,8 +124,8 @@ class TileCoding:
     def active(self, observation: Observation) -> Int[Array, "active"]:
         """Indices of the features that are 1: one for each tiling, then the bias."""
         grid = np.asarray(self.grid)
-        starts, widths = (jnp.asarray(x, observation.dtype) for x in (self.starts, self.widths))
-        place = (observation[None, :] - starts) / widths[None, :]
+        starts, density = (jnp.asarray(x, observation.dtype) for x in (self.starts, self.density))
+        place = (observation[None, :] - starts) * density[None, :]
         inside = jnp.clip(place, MARGIN, jnp.asarray(grid - MARGIN, observation.dtype)[None, :])
         place = jnp.where(self._wraps[None, :], place, inside)
         tile = jnp.floor(place).astype(jnp.int32) % grid.astype(np.int32)[None, :]

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -12,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon
 
 from detpg.environments import ScaledActions
+from detpg.figures import octopus
 
 GROUND, BODY, AIM = "0.35", "tab:blue", "tab:green"
 
@@ -36,7 +38,8 @@ def render(environment: Any, state: Any, pixels: int = 240) -> np.ndarray:
     canvas = FigureCanvasAgg(figure)
     axes = figure.add_axes((0, 0, 1, 1))
     axes.set_axis_off()
-    FRAMES[name](axes, environment, np.asarray(state, dtype=float))
+    record = isinstance(state, eqx.Module)
+    FRAMES[name](axes, environment, state if record else np.asarray(state, dtype=float))
     canvas.draw()
     return np.array(canvas.buffer_rgba())[:, :, :3]
 
@@ -76,8 +79,9 @@ def _puddle_world(axes: Axes, environment: Any, state: np.ndarray) -> None:
     axes.set(xlim=(0, 1), ylim=(0, 1))
 
 
-FRAMES: dict[str, Callable[[Axes, Any, np.ndarray], None]] = {
+FRAMES: dict[str, Callable[[Axes, Any, Any], None]] = {
     "mountain-car": _mountain_car,
+    "octopus-arm": octopus.paint,
     "pendulum": _pendulum,
     "puddle-world": _puddle_world,
 }

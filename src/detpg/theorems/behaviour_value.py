@@ -25,7 +25,7 @@ from detpg import trees
 from detpg.algorithms import COPDACQ
 from detpg.environments import LQR
 from detpg.policies import LinearPolicy
-from detpg.theorems.record import SIGMAS, Check, Group, Point, check, fitted_power, points
+from detpg.theorems.record import SIGMAS, Check, Group, Point, check, exponent, fitted_power, points
 from detpg.theorems.worlds import (
     Linear,
     Ring,
@@ -165,12 +165,12 @@ def mean_slopes(
 def _ring(num_runs: int) -> tuple[tuple[Check, ...], tuple[Point, ...]]:
     """Tabular critic: five values and five slopes."""
     world, theta = ring()
-    value = Linear(len(RING_THETA))
-    learner = COPDACQ.create(world.spec, state_value=value, alpha_theta=0.0, sigma=RING_WIDTH)
+    tabular = Linear(len(RING_THETA))
+    learner = COPDACQ.create(world.spec, state_value=tabular, alpha_theta=0.0, sigma=RING_WIDTH)
     found = learn(learner, world, theta, (0.2, 0.05), num_runs)
-    exact = jax.jit(mean_slopes)
-    value, slope = exact(world, theta, jnp.asarray(RING_WIDTH))
-    target_value, target_slope = exact(world, theta, jnp.zeros(()))
+    exact = jax.jit(partial(mean_slopes, world, theta))
+    value, slope = exact(jnp.asarray(RING_WIDTH))
+    target_value, target_slope = exact(jnp.zeros(()))
     checks = (
         check(
             "behaviour/ring/value",
@@ -201,16 +201,16 @@ def _ring(num_runs: int) -> tuple[tuple[Check, ...], tuple[Point, ...]]:
     x, values, slopes = "state", "state value", "slope (value per action unit)"
     rows = (
         *points(x, values, "v, learnt", places, found.v, found.v_error),
-        *points(x, values, "exact: V of the behaviour", places, value),
-        *points(x, values, "exact: V of the target", places, target_value),
+        *points(x, values, "V of the behaviour", places, value),
+        *points(x, values, "V of the target", places, target_value),
         *points(x, slopes, "w, learnt", places, found.w, found.w_error),
-        *points(x, slopes, "exact: mean slope of the behaviour's Q", places, slope),
-        *points(x, slopes, "exact: slope of the target's Q at mu", places, target_slope),
+        *points(x, slopes, "mean slope, behaviour's Q", places, slope),
+        *points(x, slopes, "slope at mu, target's Q", places, target_slope),
     )
     return checks, rows
 
 
-def _far(id: str, words: str, found: Array, other: Array, error: Array) -> Check:
+def _far(id: str, words: str, found: np.ndarray, other: Array, error: np.ndarray) -> Check:
     """Where two things differ most, by how many standard errors."""
     return check(
         id,
@@ -268,7 +268,8 @@ def _limit() -> tuple[Check, ...]:
     """The bias against what a deterministic policy gradient needs, as the noise goes to zero."""
     world, theta = ring()
     widths = jnp.asarray([*WIDTHS, 0.0])
-    values, slopes = jax.jit(jax.vmap(mean_slopes, (None, None, 0)))(world, theta, widths)
+    exact = jax.jit(jax.vmap(partial(mean_slopes, world, theta)))(widths)
+    values, slopes = map(np.asarray, exact)
     checks = []
     for name, words, found in (
         ("value", "V^beta to V^mu", values),
@@ -277,12 +278,11 @@ def _limit() -> tuple[Check, ...]:
         errors = np.linalg.norm(found[:-1] - found[-1], axis=1)
         power = fitted_power(WIDTHS, errors, next_term=2)
         checks.append(
-            check(
+            exponent(
                 f"behaviour/limit/{name}",
-                f"the bias vanishes with the noise, {words} like sigma^2: fitted exponent",
-                power.value,
+                f"the bias vanishes with the noise, {words} like sigma^2",
+                power,
                 2.0,
-                SIGMAS * power.error,
             )
         )
     return tuple(checks)

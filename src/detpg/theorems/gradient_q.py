@@ -10,7 +10,6 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
 
 from detpg import trees
 from detpg.algorithms import COPDACGQ, COPDACQ
@@ -40,12 +39,13 @@ from detpg.theorems.record import (
     rounding,
 )
 from detpg.theorems.worlds import Linear
-from detpg.types import Bounds
+from detpg.types import Bounds, hyper_parameters
 
 RING_THETA = np.array([0.2, -0.3, 0.4])
 RING_SHIFT, RING_WIDTH = 0.6, 0.7
 RING_STEP, BAIRD_STEP = 0.3, 0.05
 X = "expected updates"
+CRITIC_STEPS = ("alpha_w", "alpha_v", "alpha_u")
 STORED = 100  # times at which the weights are kept
 ALGORITHMS = {
     "COPDAC-Q": (COPDACQ, {}),
@@ -55,10 +55,10 @@ ALGORITHMS = {
 
 
 class Path(NamedTuple):
-    """Weights (w, v) of the critic, and how many updates they have had."""
+    """Weights (w, v) of the critic, one row for each time, and how many updates they have had."""
 
     updates: np.ndarray
-    weights: Float[Array, "time feat"]
+    weights: np.ndarray
 
 
 def follow(
@@ -72,16 +72,15 @@ def follow(
 ) -> Path:
     """Expected updates of one learner, all of its step sizes equal, from w = 0 and a given v."""
     algorithm, options = ALGORITHMS[name]
-    sizes = dict.fromkeys(("alpha_w", "alpha_v"), step)
-    sizes |= {"alpha_u": step} if algorithm is COPDACGQ else {}
     parts: dict[str, Any] = {
         "policy": LinearPolicy(theta.size, 1),
         "state_value": Linear(theta.size),
         "bounds": Bounds.unbounded(1),
         "gamma": gamma,
         "alpha_theta": 0.0,
+        **{size: step for size in hyper_parameters(algorithm) if size in CRITIC_STEPS},
     }
-    learner = algorithm(**parts, **sizes, **options)
+    learner = algorithm(**parts, **options)
     start = learner.init(jax.random.key(0))
     start = eqx.tree_at(lambda s: (s.theta, s.v), start, (jnp.asarray(theta)[None], jnp.asarray(v)))
     every = num_updates // STORED
@@ -151,7 +150,7 @@ def _ring() -> tuple[list[Check], list[Point]]:
             )
         )
         distance = [relative_error(x, minimiser) for x in path.weights]
-        y = "ring: relative distance from the MSPBE's minimiser"
+        y = "ring: relative distance from the minimiser"
         rows += points(X, y, name, path.updates, distance)
     return checks, rows
 

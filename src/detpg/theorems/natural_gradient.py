@@ -11,10 +11,10 @@ from detpg import trees
 from detpg.features import score
 from detpg.policies import GaussianParameters, IsotropicGaussian
 from detpg.theorems.record import (
-    SIGMAS,
     Check,
     Group,
     check,
+    exponent,
     fitted_power,
     guide,
     points,
@@ -57,17 +57,15 @@ def run() -> Group:
     metrics = at_width(known.ring, known.theta, jnp.asarray(WIDTHS))
     errors = [relative_error(found, metric) for found in metrics]
     order = fitted_power(WIDTHS, errors, next_term=2)
-    limit = check(
+    limit = exponent(
         "natural-gradient/fisher-limit",
-        "sigma^2 times the Fisher metric of N(mu, sigma^2) tends to M like sigma^2: fitted "
-        "exponent",
-        order.value,
+        "sigma^2 times the Fisher metric of N(mu, sigma^2) tends to M like sigma^2",
+        order,
         2.0,
-        SIGMAS * order.error,
     )
     rows = (
         *points(*AXES, "measured", WIDTHS, errors),
-        *guide(*AXES, "sigma^2", WIDTHS, errors[-1], 2),
+        *guide(*AXES, "sigma^2", WIDTHS, errors[-1], 2.0),
     )
     return Group("The natural gradient", (network, _regulator(), limit), rows)
 

@@ -2,13 +2,14 @@
 
 import dataclasses
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
 Relation = Literal["within", "at least", "at most"]
 SIGMAS = 4.0  # standard errors that a measured number may be off
+WIDEST = 0.1  # that a fitted exponent may be off, however wide its standard error
 EPSILON = float(np.finfo(np.float64).eps)
 
 
@@ -112,10 +113,10 @@ def points(
 
 
 def guide(
-    x_name: str, y_name: str, words: str, x: Sequence[float], y: float, power: float
+    x_name: str, y_name: str, words: str, x: Iterable[Any], y: Any, power: float
 ) -> tuple[Point, ...]:
     """A line to compare with: y at the last x, and x^power from there."""
-    xs = np.asarray(x, dtype=float)
+    xs = np.asarray(list(x), dtype=float)
     return points(x_name, y_name, f"guide: {words}", xs, y * (xs / xs[-1]) ** power)
 
 
@@ -174,9 +175,20 @@ def fitted_power(x: Any, y: Any, errors: Any = None, next_term: int | None = Non
             else be taken for scatter, and the exponent be off by several of its standard errors.
     """
     x, y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
+    if not np.all((y > 0) & np.isfinite(y)):
+        return Slope(math.nan, math.nan)  # no power: a check of it fails
     relative = None if errors is None else np.asarray(errors, dtype=np.float64) / y
     beside = None if next_term is None else x**next_term
     return fitted_slope(np.log(x), np.log(y), relative, beside)
+
+
+def exponent(id: str, statement: str, fitted: Slope, expected: float) -> Check:
+    """A fitted exponent: within 4 standard errors, and never further off than 0.1.
+
+    Where the points lie on no line at all, the scatter would else excuse any exponent.
+    """
+    tolerance = min(SIGMAS * fitted.error + rounding(1e3), WIDEST)
+    return check(id, f"{statement}: fitted exponent", fitted.value, expected, tolerance)
 
 
 def rounding(condition: Any = 1.0) -> float:

@@ -15,6 +15,7 @@ from detpg.theorems.record import (
     Group,
     Point,
     check,
+    exponent,
     fitted_power,
     guide,
     points,
@@ -79,16 +80,14 @@ def _finite_differences(world: LQR, gain: Array, exact: Array) -> tuple[Check, t
 
     errors = [relative_error(central(jnp.asarray(h)), exact) for h in NUDGES]
     order = fitted_power(NUDGES, errors, next_term=2)
-    made = check(
+    made = exponent(
         "theorem-1/finite-differences",
-        "the error of central differences of J against grad J falls as the square of the nudge: "
-        "fitted exponent",
-        order.value,
+        "the error of central differences of J against grad J falls as the square of the nudge",
+        order,
         2.0,
-        SIGMAS * order.error,
     )
     name = "nudge of one entry of the gain", "relative error of finite differences"
-    line = guide(*name, "square of the nudge", NUDGES, errors[-1], 2)
+    line = guide(*name, "square of the nudge", NUDGES, errors[-1], 2.0)
     return made, (*points(*name, "finite differences", NUDGES, errors), *line)
 
 
@@ -143,14 +142,13 @@ def _samples(
     )
     rms, rms_error = _root_mean_squares(drawn, truth, num_estimates)
     power = fitted_power(SIZES, rms, rms_error)
-    rate = check(
+    rate = exponent(
         "theorem-1/monte-carlo-rate",
-        "the error of an estimate from N states falls as N^-1/2: fitted exponent",
-        power.value,
+        "the error of an estimate from N states falls as N^-1/2",
+        power,
         -0.5,
-        SIGMAS * power.error,
     )
-    name = "N, states of an estimate", "relative error of the sampled gradient (root mean square)"
+    name = "N, states of an estimate", "relative error of the sampled gradient"
     measured = points(*name, "sampled gradient", SIZES, rms, rms_error)
     return (mean, rate), (*measured, *guide(*name, "N^-1/2", SIZES, rms[-1], -0.5))
 

@@ -20,7 +20,7 @@ from jaxtyping import Array, Float, PRNGKeyArray, PyTree
 from detpg import trees
 from detpg.actors import likelihood_ratio_direction
 from detpg.features import score
-from detpg.theorems.record import SIGMAS, Group, check, fitted_power, guide, points, relative_error
+from detpg.theorems.record import Group, exponent, fitted_power, guide, points, relative_error
 from detpg.theorems.worlds import (
     Exact,
     Quadrature,
@@ -131,18 +131,17 @@ def run() -> Group:
         # Each term of the expansion in sigma is as far from the one before as the first from 1.
         order = fitted_power(WIDTHS, errors, next_term=density.order)
         checks.append(
-            check(
+            exponent(
                 f"theorem-2/{name}",
                 f"with {density.words} the stochastic gradient tends to the deterministic one like "
-                f"sigma^{density.order}: fitted exponent",
-                order.value,
-                density.order,
-                SIGMAS * order.error,
+                f"sigma^{density.order}",
+                order,
+                float(density.order),
             )
         )
         rows += points(*AXES, density.words, WIDTHS, errors)
-    for power, last in ((2, errors_of["gaussian"][-1]), (1, errors_of["skewed"][-1])):
-        rows += guide(*AXES, f"sigma^{power}", WIDTHS, last, power)
+    for power, last in ((2.0, errors_of["gaussian"][-1]), (1.0, errors_of["skewed"][-1])):
+        rows += guide(*AXES, f"sigma^{power:g}", WIDTHS, last, power)
     return Group(
         "Theorem 2: the limit of the stochastic policy gradient", tuple(checks), tuple(rows)
     )

@@ -27,6 +27,7 @@ from detpg.theorems.record import (
     Point,
     Slope,
     check,
+    exponent,
     fitted_power,
     guide,
     points,
@@ -35,10 +36,10 @@ from detpg.theorems.record import (
 from detpg.theorems.theorem_1 import discounted_states
 from detpg.types import Number
 
-WIDTHS = tuple(0.05 * 0.5**k for k in range(6))
-DIMENSIONS = (1, 2, 4, 8, 16, 32)
-SWEPT = 4  # action dimensions of the sweep over widths
-NARROW = WIDTHS[-1]  # width of the sweep over dimensions
+WIDTHS = tuple(0.05 / 3**k for k in range(5))
+DIMENSIONS = (1, 3, 9, 27)
+SWEPT = 3  # action dimensions of the sweep over widths
+NARROW = WIDTHS[-1:]  # width of the sweep over dimensions
 RETURN_NOISE = 1.0  # standard deviation of a sampled return about Q, reward units
 READINGS = {"Q": -2.0, "Q - V": 0.0, "return - V": -2.0}  # what the score multiplies: exponent
 NUM_BLOCKS = 40
@@ -123,10 +124,9 @@ def run(num_states: int = 80_000) -> Group:
     states = draw(jax.random.key(0), world, gain)
     gradient = jax.jit(jax.grad(world.objective))(gain)
     norm = float(jnp.vdot(gradient, gradient))
-    by_width = measure(SWEPT, states, WIDTHS)
-    by_dimension = [measure(m, states, (NARROW,)) for m in DIMENSIONS]
-    width_checks, width_rows = _widths(by_width, norm)
-    dimension_checks, dimension_rows = _dimensions(by_dimension, norm)
+    found = [measure(m, states, WIDTHS if m == SWEPT else NARROW) for m in DIMENSIONS]
+    width_checks, width_rows = _widths(found[DIMENSIONS.index(SWEPT)], norm)
+    dimension_checks, dimension_rows = _dimensions(found, norm)
     return Group(
         "Section 6: the variance of the stochastic policy gradient",
         (*width_checks, *dimension_checks),
@@ -151,27 +151,24 @@ def _widths(squares: Squares, norm: float) -> tuple[tuple[Check, ...], tuple[Poi
     checks, rows = [], []
     name = "sigma, width of the policy (action units)", "variance of one sample of the gradient"
     variances = np.asarray(squares.stochastic) - norm
-    for reading, (words, exponent) in enumerate(READINGS.items()):
+    for reading, (words, power) in enumerate(READINGS.items()):
         fits = [
             fitted_power(WIDTHS, variances[:, reading, block], next_term=2).value
             for block in range(NUM_BLOCKS)
         ]
-        power = _mean(fits)
         checks.append(
-            check(
+            exponent(
                 f"variance/width/{_slug(words)}",
-                f"score times ({words}): the variance goes like sigma^{exponent:g}: fitted "
-                "exponent",
-                power.value,
-                exponent,
-                SIGMAS * power.error,
+                f"score times ({words}): the variance goes like sigma^{power:g}",
+                _mean(fits),
+                power,
             )
         )
         means = [_mean(variances[k, reading]) for k in range(len(WIDTHS))]
         rows += points(*name, f"score times ({words})", WIDTHS, *map(list, zip(*means)))
     flat = _mean(np.asarray(squares.deterministic) - norm)
     rows += points(*name, "deterministic", WIDTHS, *flat)
-    rows += guide(*name, "sigma^-2", WIDTHS, variances[-1, 0].mean(), -2)
+    rows += guide(*name, "sigma^-2", WIDTHS, variances[-1, 0].mean(), -2.0)
     return tuple(checks), tuple(rows)
 
 
@@ -182,7 +179,7 @@ def _slug(words: str) -> str:
 def _dimensions(found: list[Squares], norm: float) -> tuple[tuple[Check, ...], tuple[Point, ...]]:
     """The exponent of m, and the ratio that the closed form of Gaussian moments gives."""
     deterministic = np.array([squares.deterministic for squares in found])
-    stochastic = np.array([squares.stochastic[0] for squares in found])
+    stochastic = np.array([squares.stochastic[-1] for squares in found])
     variance = stochastic - norm
     constant = fitted_power(DIMENSIONS, deterministic.mean(axis=1))
     growth = _mean([fitted_power(DIMENSIONS, row).value for row in variance[:, 0].T])
@@ -196,12 +193,11 @@ def _dimensions(found: list[Squares], norm: float) -> tuple[tuple[Check, ...], t
             0.0,
             rounding(),
         ),
-        check(
+        exponent(
             "variance/dimension/q",
-            "over it, on the same states, that of score times Q grows like m: fitted exponent",
-            growth.value,
+            "over it, on the same states, that of score times Q grows like m",
+            growth,
             1.0,
-            SIGMAS * growth.error,
         ),
         check(
             "variance/dimension/q-minus-v",
@@ -220,4 +216,4 @@ def _dimensions(found: list[Squares], norm: float) -> tuple[tuple[Check, ...], t
         over = [(mean.value / d, mean.error / d) for mean, d in zip(means, flat, strict=True)]
         rows += points(*name, f"score times ({words})", DIMENSIONS, *map(list, zip(*over)))
     largest = variance[-1, 0].mean() / (deterministic - norm)[-1].mean()
-    return checks, (*rows, *guide(*name, "m", DIMENSIONS, largest, 1))
+    return checks, (*rows, *guide(*name, "m", DIMENSIONS, largest, 1.0))

@@ -82,9 +82,7 @@ class OctopusParameters(eqx.Module):
         )
 
 
-MAY_BE_NOUGHT = {"gravity", "surface_level", "upper", "lower", "muscle_active", "torque"}
-MAY_BE_NOUGHT |= {"friction_tangential", "friction_perpendicular", "muscle_damping", "pressure"}
-MAY_BE_NEGATIVE = {"gravity", "surface_level", "upper", "lower"}
+OF_ANY_SIGN = {"upper", "lower", "gravity", "surface_level"}
 
 
 def _check_number(name: str, value: Array) -> None:
@@ -92,8 +90,8 @@ def _check_number(name: str, value: Array) -> None:
         return
     numbers = np.asarray(value)
     fine = np.isfinite(numbers)
-    if name not in MAY_BE_NEGATIVE:
-        fine &= numbers >= 0 if name in MAY_BE_NOUGHT else numbers > 0
+    if name not in OF_ANY_SIGN:
+        fine &= numbers > 0 if name == "mass" else numbers >= 0
     if not fine.all():
         raise ValueError(f"{name} holds {numbers[~fine].flat[0]:g}, which no arm can have.")
 

@@ -22,8 +22,7 @@ from detpg.types import Action, EnvironmentSpec, Number, Observation, check_hype
 class OctopusArm(eqx.Module):
     """Octopus arm of S segments in water, on a base that turns, in a plane (Section 5.3).
 
-    **Observation** (2 + 8S numbers, 50 for six segments; L: about the length of a segment, T: the
-    simulator's unit of time, of which a step takes 5)
+    **Observation** (2 + 8S numbers, 50 for S = 6; L: about a segment, T: a fifth of a step)
 
     | index | quantity | unit | min | max |
     | --- | --- | --- | --- | --- |
@@ -33,7 +32,7 @@ class OctopusArm(eqx.Module):
     | 2+4S+4i ... 5+4S+4i | the same of lower node i+1 | L, L/T | -inf | inf |
     | 2+8S, 3+8S | x, y of the target, with `random_targets` only | L | -inf | inf |
 
-    **Action** (2 + 3S numbers, 20 for six segments), capped to [0, 1]
+    **Action** (2 + 3S numbers, 20 for S = 6), capped to [0, 1]
 
     | index | quantity | unit | min | max |
     | --- | --- | --- | --- | --- |
@@ -52,9 +51,8 @@ class OctopusArm(eqx.Module):
     compartment: its outline winds around it. The time limit, 300 steps, is no termination.
 
     **What the paper says, what we chose.** The paper has six segments, 50 and 20 numbers, the form
-    of the reward, +50 and 300 steps. The numbers fit one public simulator, RL-Library's: equations
-    and constants (set A) are its; set B is that of the ICML 2006 benchmark. The paper is silent on
-    target, reward scale, distance, start and discount. `docs/octopus.md` compares the sources.
+    of the reward, +50 and 300 steps. That fits one public simulator, RL-Library's, whose equations
+    and constants (set A) these are; the rest is open (docs/decisions/0024, docs/octopus.md).
 
     **Version history.** 0: first version.
 
@@ -95,20 +93,17 @@ class OctopusArm(eqx.Module):
         discount: float = 0.99,
         key: PRNGKeyArray | None = None,
     ):
-        """Builds an arm; nothing about it is random, so `key` is not needed.
+        """Builds an arm; `key` is not needed. Without `num_segments`, six or all of one's own.
 
-        S is 6, or that of one's own parameters, when `num_segments` is not given. Targets go by
-        name (`TARGETS`) or by x and y, scales by name ("raw"; "unit", for numbers of about 1) or
-        as one divisor for each observed number.
+        Targets go by name (`TARGETS`) or by x and y; scales are "raw", "unit" (numbers of about 1)
+        or one divisor for each observed number.
 
         Raises:
             ValueError: What no arm can be built from, in one sentence.
         """
-        del key
         self.parameters = choose(parameters, num_segments)
-        self.observation_scale = scale_of(
-            observation_scale, self.parameters.num_segments, random_targets
-        )
+        segments = self.parameters.num_segments
+        self.observation_scale = scale_of(observation_scale, segments, random_targets)
         self.distance_weight, self.hit_reward = strong(distance_weight), strong(hit_reward)
         self.start_noise = strong(start_noise)
         self.random_targets, self.time_limit, self.discount = random_targets, time_limit, discount
@@ -118,8 +113,8 @@ class OctopusArm(eqx.Module):
     @property
     def spec(self) -> EnvironmentSpec:
         m = 2 + 3 * self.parameters.num_segments
-        size, bounds = self.observation_scale.shape[-1], ((0.0,) * m, (1.0,) * m)
-        return EnvironmentSpec("octopus-arm", size, m, *bounds, self.time_limit, self.discount)
+        size, box = self.observation_scale.shape[-1], ((0.0,) * m, (1.0,) * m)
+        return EnvironmentSpec("octopus-arm", size, m, *box, self.time_limit, self.discount)
 
     @property
     def macro_actions(self) -> Float[Array, "8 act"]:
@@ -157,7 +152,7 @@ class OctopusArm(eqx.Module):
         return derivative(body, activate(body, action), state.arm)
 
     def to_vector(self, state: State) -> Float[Array, "numbers"]:
-        """The arm as 2 + 8S numbers, in the observation's order and not scaled."""
+        """The arm as 2 + 8S numbers in the observation's order, not scaled."""
         return to_vector(state.arm)
 
     def from_vector(self, vector: Float[Array, "numbers"]) -> State:
