@@ -33,10 +33,10 @@ class Reproduce:
         tyro.conf.Positional[tuple[str, ...]],
         tyro.conf.arg(metavar="[FIGURE ...]", help_behavior_hint="(default: all)"),
     ] = ()
-    """Figures to reproduce: figure1 (see `detpg list`)."""
+    """Figures to reproduce, such as figure1 (see `detpg list`)."""
 
     preset: Literal["smoke", "quick", "paper"] = "quick"
-    """How much is run: does it work; every reading of the text; that with 100 further runs."""
+    """How much is run: does it work; the figure; that with a wider sweep or 100 further runs."""
 
     output: Annotated[Path, tyro.conf.arg(metavar="DIR")] = Path("reproduction")
     """Folder to write to; each figure gets a folder of its own in it."""
