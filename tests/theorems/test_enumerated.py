@@ -1,5 +1,6 @@
 """Expected updates: the learners' own, against matrices written out."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -57,7 +58,11 @@ def test_the_mean_update_is_the_matrix_written_out(star, name: str):
 
     def mapped(vector):
         parts = trees.like([getattr(start, field) for field in weights], vector)
-        state = type(start)(**dict(zip(weights, parts)), theta=jnp.asarray(BAIRD_THETA)[None])
+        state = eqx.tree_at(
+            lambda s: [s.theta, *(getattr(s, field) for field in weights)],
+            start,
+            [jnp.asarray(BAIRD_THETA)[None], *parts],
+        )
         after = expected_update(learner, star, state)
         return trees.to_vector([getattr(after, field) for field in weights])
 
