@@ -86,10 +86,12 @@ def _claims(results: Results, condition: Condition, arm: str, theirs: np.ndarray
         ours, published = measure(steps), measure(theirs)
         value, bounds = summarise(ours, seed)
         expected, expected_bounds = summarise(published, seed)
-        verdict = "reproduced" if _overlap(bounds, expected_bounds) else "not reproduced"
+        verdict: Verdict = "not reproduced"
+        if _overlap(bounds, expected_bounds):
+            verdict = "reproduced"
         path, statement = f"{name}/{arm}".lower().replace(" ", "-"), f"{arm}: {words}"
         claims.append(
-            Claim(path, statement, expected, value, bounds, len(steps), lost, arm, verdict)
+            Claim(path, statement, _known(expected), value, bounds, len(steps), lost, arm, verdict)
         )
     return [*claims, _never_slower(steps, theirs, arm, seed)]
 
@@ -120,6 +122,11 @@ def _mean(values: np.ndarray, seed: int) -> tuple[float, tuple[float, float]]:
 def _fraction(values: np.ndarray, seed: int) -> tuple[float, tuple[float, float]]:
     bounds = binomtest(int(values.sum()), values.size).proportion_ci(method="wilson")
     return float(values.mean()), (float(bounds.low), float(bounds.high))
+
+
+def _known(published: float) -> float | None:
+    """None where a study that stops early leaves nothing to compare with."""
+    return published if np.isfinite(published) else None
 
 
 def _overlap(ours: tuple[float, float], theirs: tuple[float, float]) -> bool:
