@@ -10,13 +10,13 @@ from detpg.experiments.study import Condition, Results
 
 RULE = "mean"
 SOLVED = 100.0  # steps to the target: below, a run counts as converged
-LAST = 5  # evaluations over the last 60,000 steps, both ends counted
+LAST = 4  # evaluations in the last 60,000 steps
 NUM_PUBLISHED = 10
 UNJUDGED: Verdict = "no number to compare"
 
 VERDICTS = (
     "A run has *converged* if the mean policy hits the target in fewer than 100 steps at the end "
-    "and at every evaluation over the last 60,000 steps of learning. A claim with a published "
+    "and at each of the four evaluations in the last 60,000 steps of learning. A claim with a published "
     "number is *reproduced* if the 95% interval of ours and that of the ten published runs "
     "overlap, and *not reproduced* otherwise, whether ours is better or worse. Intervals of means "
     "are percentile bootstraps over runs, those of fractions Wilson's. The setting was chosen on "

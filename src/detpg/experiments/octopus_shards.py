@@ -29,7 +29,7 @@ HIDDEN, VALUE_UNITS = 8, 40  # Section 5.3
 
 
 # Options of an arm that are the environment's or the policy's, not the algorithm's.
-_OF_ENVIRONMENT = ("observation_scale", "hit_reward")
+_OF_ENVIRONMENT = ("observation_scale", "hit_reward", "time_limit")
 _OF_POLICY = "output_width"
 
 
@@ -135,7 +135,7 @@ def _loaded(path: str | None, states: TrainState) -> tuple[TrainState, list[np.n
     if path is None or not Path(path).exists():
         return states, []
     try:
-        with np.load(path, allow_pickle=False) as kept:
+        with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as kept:
             leaves, structure = jax.tree.flatten(states)
             known = [jnp.asarray(kept[f"leaf{i}"]) for i in range(len(leaves))]
             return jax.tree.unflatten(structure, known), list(kept["seen"])
