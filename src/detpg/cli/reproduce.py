@@ -67,7 +67,7 @@ class Reproduce:
             known = ", ".join(STUDIES)
             raise UserError(f"figure {unknown[0]!r} is unknown: choose from {known}.")
         for name in dict.fromkeys(self.figures or STUDIES):
-            self._reproduce(STUDIES[name])
+            self._reproduce(STUDIES[name].at(self.preset))
 
     def _check_numbers(self) -> None:
         if not 0 <= self.seed < 2**31:

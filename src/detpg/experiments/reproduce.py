@@ -74,6 +74,9 @@ class Reproduction:
                 costs |= {(c, name, phase): values for (c, name), values in done.items()}
                 extras |= {(c, name, phase): values for (c, name), values in beside.items()}
         results = Results(self.study, selections, costs, extras, grids, self.seed)
+        if self.study.keep is not None:
+            fresh = [s for cell in self._plans("fresh", chosen).values() for s in cell]
+            self.study.keep(results, fresh, self.directory.path)
         write_tables(results, sweep, self.directory.path)
         cells_run = [*sweep.items(), *((key[:2], values) for key, values in costs.items())]
         self._write_report(
@@ -91,20 +94,7 @@ class Reproduction:
 
         From finished shards where they exist.
         """
-        scale = self.study.presets[self.preset]
-        plans = {
-            (condition, arm.name): plan(
-                condition,
-                arm,
-                phase,
-                grid,
-                scale.num_seeds(phase),
-                shape=scale.shard,
-                study_seed=self.seed,
-                folder=str(self.directory.shards),
-            )
-            for (condition, arm), grid in points.items()
-        }
+        plans = self._plans(phase, points)
         shards = [shard for cell in plans.values() for shard in cell]
         found = self._complete(executor, phase, shards)
         joined = {
@@ -120,6 +110,25 @@ class Reproduction:
             for cell, values in joined.items()
         }
         return {cell: values[..., 0] for cell, values in joined.items()}, extras
+
+    def _plans(
+        self, phase: Phase, points: dict[tuple[Condition, Arm], Grid]
+    ) -> dict[tuple[Condition, str], list[Shard]]:
+        """The shards of every cell."""
+        scale = self.study.presets[self.preset]
+        return {
+            (condition, arm.name): plan(
+                condition,
+                arm,
+                phase,
+                grid,
+                scale.num_seeds(phase),
+                shape=scale.shard,
+                study_seed=self.seed,
+                folder=str(self.directory.shards),
+            )
+            for (condition, arm), grid in points.items()
+        }
 
     def _complete(
         self, executor: InProcess | Processes, phase: Phase, shards: list[Shard]

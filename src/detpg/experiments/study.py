@@ -4,6 +4,7 @@ import dataclasses
 import itertools
 import json
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -97,6 +98,7 @@ class Preset:
         shard: Points and seeds side by side in one shard.
         without: Names of learners that are left out.
         committed: No sweep: the learners' committed points are run.
+        recordings: After how many recordings a run stops; None: at its end.
     """
 
     thin: Options
@@ -106,6 +108,7 @@ class Preset:
     shard: tuple[int, int]
     without: tuple[str, ...] = ()
     committed: bool = False
+    recordings: int | None = None
 
     def grid(self, arm: Arm) -> dict[str, np.ndarray]:
         """The points of a learner that are run."""
@@ -170,6 +173,8 @@ class Study:
         measured: "cost" or "steps", lower is better, or "return", whose negative is the cost
             everywhere but in tables and pictures.
         further: Names of what is recorded beside it.
+        keep: Called at the end with the results, the shards of the fresh runs, whose checkpoints
+            are still there, and the run directory: writes what is to be kept of them.
         lost_above: A cost that no run starts with: one that ends above it has diverged. None: only
             a run that is not finite has.
         num_final: Recordings whose mean is the final cost.
@@ -197,6 +202,13 @@ class Study:
     run_shard: Callable[[Any], np.ndarray]
     judge: Callable[[Results], list[Claim]]
     further: tuple[str, ...] = ()
+    keep: Callable[[Results, list[Any], Path], None] | None = None
+
+    def at(self, preset: str) -> "Study":
+        """The study as a preset runs it: some stop early."""
+        stop = self.presets[preset].recordings
+        shorter = (dataclasses.replace(c, times=c.times[:stop]) for c in self.conditions)
+        return dataclasses.replace(self, conditions=tuple(shorter))
 
     def arms_of(self, preset: str) -> tuple[Arm, ...]:
         """The learners that a preset runs."""
@@ -207,7 +219,7 @@ class Study:
         parts = {
             field.name: getattr(self, field.name)
             for field in dataclasses.fields(self)
-            if field.name not in ("judge", "run_shard", "presets", "verdicts")
+            if field.name not in ("judge", "run_shard", "presets", "verdicts", "keep")
         }
         resolved = {**parts, "preset": preset, "scale": self.presets[preset], "seed": seed}
         return json.loads(json.dumps(resolved, default=dataclasses.asdict))

@@ -6,11 +6,12 @@ In: the tables of a run directory. Out: png, svg and pdf files beside them.
 from collections.abc import Callable
 from pathlib import Path
 
-from detpg.figures import figure1, figure2, theorems
+from detpg.figures import figure1, figure2, figure3, theorems
 
 FIGURES: dict[str, tuple[tuple[str, ...], Callable[[Path], None]]] = {
     "figure1": (figure1.FILES, figure1.draw),
     "figure2": (figure2.FILES, figure2.draw),
+    "figure3": (figure3.FILES, figure3.draw),
     "theorems": (theorems.FILES, theorems.draw),
 }
 

@@ -15,7 +15,15 @@ import numpy as np
 import detpg
 
 CONFIG, SUMMARY, SHARDS, LOCK = "config.json", "summary.json", "shards", ".lock"
-WRITTEN = ("*.parquet", "*.png", "*.svg", "*.pdf", "claims.md")  # left beside the JSON files
+WRITTEN = (
+    "*.parquet",
+    "*.png",
+    "*.svg",
+    "*.pdf",
+    "*.mp4",
+    "*.npz",
+    "claims.md",
+)  # left beside the JSON files
 MARK = "detpg"  # with the version: says that a directory is ours, and whose numbers these are
 
 

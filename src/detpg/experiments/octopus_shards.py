@@ -1,0 +1,178 @@
+"""Shards of a study on the octopus arm: learning and playing in turns, kept after every turn."""
+
+import functools
+import io
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, cast
+from zipfile import BadZipFile
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, PRNGKeyArray, PyTree
+
+from detpg import trees
+from detpg.algorithms import ALGORITHMS
+from detpg.critics import MLPStateValue
+from detpg.environments import OctopusArm
+from detpg.experiments.study import Arm, Condition, Results
+from detpg.experiments.sweep import COMPILER_OPTIONS, STREAMS, Shard
+from detpg.policies import MLPPolicy
+from detpg.runs import write_atomically
+from detpg.training import TrainState, begin, train
+from detpg.types import Algorithm, Policy
+
+FURTHER = ("return",)
+POLICY = "policy.npz"
+HIDDEN, VALUE_UNITS = 8, 40  # Section 5.3
+
+
+# Options of an arm that are the environment's or the policy's, not the algorithm's.
+_OF_ENVIRONMENT = ("observation_scale", "hit_reward", "time_limit")
+_OF_POLICY = "output_width"
+
+
+def environment_of(arm: Arm) -> OctopusArm:
+    """The octopus arm as a learner of the study meets it."""
+    return OctopusArm(**{name: value for name, value in arm.options if name in _OF_ENVIRONMENT})
+
+
+def learner_of(arm: Arm, environment: OctopusArm, point: dict[str, Any]) -> Algorithm:
+    """COPDAC-Q with the networks of Section 5.3 at one point of its grid."""
+    spec = environment.spec
+    width = dict(arm.options)[_OF_POLICY]
+    kept = {n: v for n, v in arm.options if n not in (*_OF_ENVIRONMENT, _OF_POLICY)}
+    sizes = spec.observation_size, spec.action_size
+    policy = MLPPolicy(*sizes, (HIDDEN,), "sigmoid", "sigmoid", output_width=width)
+    value = MLPStateValue(spec.observation_size, VALUE_UNITS)
+    parts = {"policy": policy, "state_value": value}
+    return ALGORITHMS[arm.algorithm].create(spec, **parts, **kept, **point)
+
+
+def episode(
+    algorithm: Algorithm, environment: OctopusArm, key: PRNGKeyArray, learner: PyTree
+) -> Float[Array, "2"]:
+    """Steps to the target (the time limit where it is missed) and return, of the mean policy."""
+
+    def body(carry: Any, _: None) -> tuple[Any, None]:
+        state, ended, steps, total = carry
+        action = algorithm.greedy(learner, environment.observe(state))
+        next_state = environment.transition(key, state, action)
+        reward = environment.reward(state, action, next_state)
+        steps = steps + jnp.where(ended, 0.0, 1.0)
+        total = total + jnp.where(ended, jnp.zeros_like(reward), reward)
+        ended_now = ended | environment.terminated(next_state)
+        return (trees.where(ended, state, next_state), ended_now, steps, total), None
+
+    zero = jnp.zeros(())
+    start = environment.initial(key), jnp.asarray(False), zero, zero
+    (_, _, steps, total), _ = jax.lax.scan(body, start, None, length=environment.time_limit)
+    return jnp.stack([steps, total])
+
+
+def run_octopus_shard(shard: Shard) -> np.ndarray:
+    """Steps to the target and return of every run of a shard, shape (points, seeds, time, 2).
+
+    After every recording the whole state of all runs is written to the shard's checkpoint, so that
+    a run that is killed goes on from there, to the same numbers.
+    """
+    points = {name: jnp.asarray(values, dtype=float) for name, values in shard.points}
+    root = jax.random.fold_in(jax.random.key(shard.study_seed), STREAMS[shard.phase])
+    seeds = jnp.asarray(shard.seeds)
+    keys = jax.vmap(lambda seed: jax.random.split(jax.random.fold_in(root, seed)))(seeds)
+    times = shard.condition.times
+    begun, interval = _programs(shard.arm, shard.condition)
+    states = begun(points, keys[:, 0])
+    states, seen = _loaded(shard.checkpoint, states)
+    for _ in times[len(seen) :]:
+        states, measured = interval(points, keys[:, 1], states)
+        seen.append(np.asarray(measured))
+        _keep(shard.checkpoint, states, seen)
+    return np.stack(seen, axis=2)
+
+
+@functools.cache
+def _programs(
+    arm: Arm, condition: Condition
+) -> tuple[Callable[..., TrainState], Callable[..., tuple[TrainState, Array]]]:
+    """The start of points x seeds, and an interval of learning with a played episode at its end."""
+    environment, steps = environment_of(arm), condition.times[0]
+
+    def start(point: dict[str, Array], key: PRNGKeyArray) -> TrainState:
+        return begin(learner_of(arm, environment, point), environment, key)
+
+    def learn(
+        point: dict[str, Array], key: PRNGKeyArray, state: TrainState
+    ) -> tuple[TrainState, Array]:
+        learner = learner_of(arm, environment, point)
+        train_key, play_key = jax.random.split(key)
+        state, _ = train(learner, environment, train_key, steps, start=state)
+        return state, episode(learner, environment, play_key, state.learner)
+
+    def grid(one: Callable[..., Any], *axes: Any) -> Callable[..., Any]:
+        inner = jax.vmap(one, in_axes=(None, 0, *axes))
+        return jax.jit(jax.vmap(inner, in_axes=(0, None, *axes)), compiler_options=COMPILER_OPTIONS)
+
+    return grid(start), grid(learn, 0)
+
+
+def _keep(path: str | None, states: TrainState, seen: list[np.ndarray]) -> None:
+    if path is None:
+        return
+    content = io.BytesIO()
+    np.savez(content, seen=np.stack(seen), **_numbered(states))
+    write_atomically(Path(path), lambda file: file.write(content.getbuffer()))
+
+
+def _numbered(tree: PyTree) -> dict[str, Any]:
+    """The leaves by number, as they are saved."""
+    return {f"leaf{i}": np.asarray(leaf) for i, leaf in enumerate(jax.tree.leaves(tree))}
+
+
+def _loaded(path: str | None, states: TrainState) -> tuple[TrainState, list[np.ndarray]]:
+    """What the checkpoint holds, or the start where there is none."""
+    if path is None or not Path(path).exists():
+        return states, []
+    try:
+        with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as kept:
+            leaves, structure = jax.tree.flatten(states)
+            known = [jnp.asarray(kept[f"leaf{i}"]) for i in range(len(leaves))]
+            return jax.tree.unflatten(structure, known), list(kept["seen"])
+    except (ValueError, EOFError, KeyError, BadZipFile):  # damaged: those runs start over
+        return states, []
+
+
+def keep_policy(results: Results, shards: list[Shard], directory: Path) -> None:
+    """Writes `policy.npz`: theta of the first learner's run that ends with the median steps.
+
+    Args:
+        results: Of the finished study.
+        shards: Its shards of fresh runs, whose checkpoints are still there.
+        directory: Of the study.
+    """
+    condition, name = next(iter(results.selections))
+    row = results.selections[condition, name].row(results.study.rules[0])
+    steps = results.costs[condition, name, "fresh"][row, :, -1]
+    seed = int(np.argsort(steps, kind="stable")[len(steps) // 2])
+    shard = next(
+        s for s in shards if (s.condition, s.arm.name) == (condition, name) and seed in s.seeds
+    )
+    points = {key: jnp.asarray(values, dtype=float) for key, values in shard.points}
+    begun, _ = _programs(shard.arm, shard.condition)
+    keys = jax.random.split(jax.random.key(0), len(shard.seeds))
+    states, _ = _loaded(shard.checkpoint, begun(points, keys))
+    theta = jax.tree.map(lambda x: x[row, shard.seeds.index(seed)], states.learner.theta)
+    content = io.BytesIO()
+    np.savez(content, seed=seed, **_numbered(theta))
+    write_atomically(directory / POLICY, lambda file: file.write(content.getbuffer()))
+
+
+def kept_policy(arm: Arm, environment: OctopusArm, directory: Path) -> tuple[Policy, PyTree]:
+    """The policy and theta that `keep_policy` wrote."""
+    point = {name: values[0] for name, values in arm.grid}
+    policy = cast(Any, learner_of(arm, environment, point)).policy
+    with np.load(directory / POLICY, allow_pickle=False) as kept:
+        structure = jax.tree.structure(jax.eval_shape(policy.init, jax.random.key(0)))
+        leaves = [jnp.asarray(kept[f"leaf{i}"]) for i in range(structure.num_leaves)]
+    return policy, jax.tree.unflatten(structure, leaves)
