@@ -60,15 +60,25 @@ def _runs(claim: Claim) -> str:
     return f"{claim.num_runs}{diverged}"
 
 
+_RULES = {
+    "final": lambda study: f"the final {study.measured} ({_last(study.num_final)})",
+    "mean": lambda study: f"the mean {study.measured} (of all recordings)",
+}
+
+
+def _last(num_final: int) -> str:
+    return "the last recording" if num_final == 1 else f"mean of the last {num_final} recordings"
+
+
 def _selected_table(selected: list[dict[str, Any]], study: Study) -> list[str]:
     """The best points with both scores, and what lies on an edge of its grid."""
+    rules = " or by ".join(_RULES[rule](study) for rule in study.rules)
     options = list(itertools.takewhile(lambda name: name != "arm", selected[0]))
     lines = [
         "## The chosen points",
         "",
-        f"Chosen on the sweep seeds by the final {study.measured} (mean of the last "
-        f"{study.num_final} recordings) or by the mean {study.measured} (of all recordings); the "
-        "score on fresh seeds is the honest one. A value in bold lies on an edge of its grid.",
+        f"Chosen on the sweep seeds by {rules}; the score on fresh seeds is the honest one. A "
+        "value in bold lies on an edge of its grid.",
         "",
         "| "
         + " | ".join(options)
