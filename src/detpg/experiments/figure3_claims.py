@@ -18,11 +18,11 @@ VERDICTS = (
     "A run has *converged* if the mean policy hits the target in fewer than 100 steps at the end "
     "and at each of the four evaluations in the last 60,000 steps of learning. A claim with a "
     "published number is *reproduced* if the 95% interval of ours and that of the ten published "
-    "runs overlap, and *not reproduced* otherwise, whether ours is better or worse. Intervals of means "
-    "are percentile bootstraps over runs, those of fractions Wilson's. The setting was chosen on "
-    "sweep seeds by the mean number of steps to the target over the whole run; all numbers here "
-    "are from fresh seeds. The return of Figure 3 has a scale that the paper does not give, so it "
-    "is drawn but not judged."
+    "runs overlap, and *not reproduced* otherwise, whether ours is better or worse. Intervals of "
+    "means are percentile bootstraps over runs, those of fractions Wilson's. The setting was "
+    "chosen on sweep seeds by the mean number of steps to the target over the whole run; all "
+    "numbers here are from fresh seeds. The return of Figure 3 has a scale that the paper does not "
+    "give, so it is drawn but not judged."
 )
 
 
