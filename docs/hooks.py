@@ -12,8 +12,8 @@ from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 
 SHOWN = ("*/claims.md", "*/checks.md", "*/*.png")
-CLAIMS = "results/figure1/claims.md"
-NONE_YET = "# Figure 1: the claims\n\nNo results are committed yet: run `make reproduce`.\n"
+CLAIMS = tuple(f"results/figure{i}/claims.md" for i in (1, 2, 3))
+NONE_YET = "# The claims\n\nNo results are committed yet: run `make reproduce`.\n"
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
@@ -22,8 +22,9 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     for path in sorted(p for pattern in SHOWN for p in (root / "results").glob(pattern)):
         uri = path.relative_to(root).as_posix()
         files.append(File.generated(config, uri, abs_src_path=str(path)))
-    if CLAIMS not in files.src_uris:
-        files.append(File.generated(config, CLAIMS, content=NONE_YET))
+    for uri in CLAIMS:
+        if uri not in files.src_uris:
+            files.append(File.generated(config, uri, content=NONE_YET))
     return files
 
 

@@ -54,7 +54,7 @@ STUDY = Study(
 def reproduce(output: Path, workers: int = 1, seed: int = 0) -> Path:
     directory = run_directory(STUDY, "all", seed, output)
 
-    def progress(phase: str, done: int, total: int) -> None:
+    def progress(phase: str, done: int, total: int, rate: float) -> None:
         print(phase, done, total, flush=True)
 
     with directory.opened():

@@ -111,8 +111,8 @@ class _progress:  # noqa: N801  (used like the function that it wraps)
         from rich.console import Console
         from rich.progress import (
             BarColumn,
-            MofNCompleteColumn,
             Progress,
+            TaskProgressColumn,
             TextColumn,
             TimeElapsedColumn,
             TimeRemainingColumn,
@@ -121,33 +121,36 @@ class _progress:  # noqa: N801  (used like the function that it wraps)
         self._console = Console(stderr=True)
         self._figure = figure
         self._tasks: dict[str, TaskID] = {}
+        self._tenths: dict[str, int] = {}
         self._bars = Progress(
             TextColumn("{task.description}"),
             BarColumn(),
-            MofNCompleteColumn(),
-            TextColumn("shards"),
+            TaskProgressColumn(),
+            TextColumn("{task.fields[speed]}"),
             TimeElapsedColumn(),
             TimeRemainingColumn(),
             console=self._console,
             disable=not self._console.is_terminal,
         )
 
-    def __enter__(self) -> Callable[[str, int, int], None]:
+    def __enter__(self) -> Callable[[str, int, int, float], None]:
         self._bars.start()
         return self._show
 
     def __exit__(self, *_: object) -> None:
         self._bars.stop()
 
-    def _show(self, phase: str, done: int, total: int) -> None:
-        label = f"{self._figure}: {phase}"
+    def _show(self, phase: str, done: int, total: int, rate: float) -> None:
+        label, speed = f"{self._figure}: {phase}", f"{rate:,.0f} steps/s"
         if not self._console.is_terminal:
-            if done * 10 // total != (done - 1) * 10 // total or done == 0:
-                self._console.print(f"{label} {done}/{total} shards", highlight=False)
+            tenth = done * 10 // total
+            if tenth != self._tenths.get(phase):
+                self._tenths[phase] = tenth
+                self._console.print(f"{label} {done / total:.0%}, {speed}", highlight=False)
             return
         if phase not in self._tasks:
-            self._tasks[phase] = self._bars.add_task(label, total=total)
-        self._bars.update(self._tasks[phase], completed=done)
+            self._tasks[phase] = self._bars.add_task(label, total=total, speed="")
+        self._bars.update(self._tasks[phase], completed=done, speed=speed)
 
 
 def _announce(name: str, path: Path, new: bool) -> None:

@@ -1,6 +1,8 @@
 """Runs a study into a directory: sweep, selection, fresh runs, tables, claims, summary."""
 
+import contextlib
 import dataclasses
+import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -34,7 +36,8 @@ class Reproduction:
         seed: Of everything random.
         workers: Processes; the results do not depend on it.
         directory: Where it stands, opened.
-        progress: Called with a phase's name, shards done and shards in all.
+        progress: Called with a phase's name, environment steps done, those in all, and how many
+            are done a second.
     """
 
     study: Study
@@ -42,7 +45,7 @@ class Reproduction:
     seed: int
     workers: int
     directory: RunDirectory
-    progress: Callable[[str, int, int], None]
+    progress: Callable[[str, int, int, float], None]
 
     def run(self) -> None:
         """Runs what is missing, then writes the tables and, last, the summary."""
@@ -134,23 +137,28 @@ class Reproduction:
         self, executor: InProcess | Processes, phase: Phase, shards: list[Shard]
     ) -> dict[str, np.ndarray]:
         """Results of all shards by name; those that were not found are run and kept."""
-        results: dict[str, np.ndarray] = {}
-        missing = []
-        for shard in shards:
-            result = self.directory.shard(shard.name)
-            if result is None:
-                missing.append(shard)
-            else:
-                results[shard.name] = result
+        results = {shard.name: self.directory.shard(shard.name) for shard in shards}
+        found = {name: result for name, result in results.items() if result is not None}
+        missing = [shard for shard in shards if shard.name not in found]
         earlier, began = self.directory.seconds, time.monotonic()
-        if shards:
-            self.progress(phase, len(results), len(shards))
-        for index, result in executor.run(missing, [shard.program for shard in missing]):
-            self.directory.save_shard(missing[index].name, result)
-            self.directory.seconds = earlier + time.monotonic() - began
-            results[missing[index].name] = result
-            self.progress(phase, len(results), len(shards))
-        return results
+        total = sum(shard.steps for shard in shards)
+        at_first = total - sum(shard.steps - shard.steps_kept() for shard in missing)
+
+        def tell() -> None:
+            waiting = [shard for shard in missing if shard.name not in found]
+            done = total - sum(shard.steps - shard.steps_kept() for shard in waiting)
+            self.progress(phase, done, total, (done - at_first) / (time.monotonic() - began))
+
+        if not shards:
+            return found
+        tell()
+        with _every_second(tell):
+            for index, result in executor.run(missing, [shard.program for shard in missing]):
+                self.directory.save_shard(missing[index].name, result)
+                self.directory.seconds = earlier + time.monotonic() - began
+                found[missing[index].name] = result
+        tell()
+        return found
 
     def _write_report(self, results: Results, environment_steps: int) -> None:
         claims = self.study.judge(results)
@@ -170,6 +178,24 @@ class Reproduction:
                 "provenance": provenance(self.directory.config),
             }
         )
+
+
+@contextlib.contextmanager
+def _every_second(tell: Callable[[], None]) -> Iterator[None]:
+    """Calls a function from time to time while workers are waited for."""
+    finished = threading.Event()
+
+    def loop() -> None:
+        while not finished.wait(1.0):
+            tell()
+
+    thread = threading.Thread(target=loop, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        finished.set()
+        thread.join()
 
 
 def _take(grid: Grid, indices: list[int]) -> Grid:

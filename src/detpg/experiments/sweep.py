@@ -2,7 +2,9 @@
 
 import dataclasses
 import functools
+from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import jax
 import jax.numpy as jnp
@@ -56,6 +58,20 @@ class Shard:
     def checkpoint(self) -> str | None:
         """File for what the shard has done so far."""
         return None if self.folder is None else f"{self.folder}/{self.name}.npz"
+
+    @property
+    def steps(self) -> int:
+        """Environment steps of all its runs."""
+        return self.condition.steps * len(self.points[0][1]) * len(self.seeds)
+
+    def steps_kept(self) -> int:
+        """Those that its checkpoint has behind it."""
+        path = Path(self.checkpoint or "")
+        try:
+            with path.open("rb") as file, np.load(file, allow_pickle=False) as kept:
+                return round(self.steps * len(kept["seen"]) / len(self.condition.times))
+        except (OSError, ValueError, EOFError, KeyError, BadZipFile):
+            return 0
 
     @property
     def program(self) -> tuple[Any, ...]:
