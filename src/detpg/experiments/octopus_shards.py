@@ -77,11 +77,11 @@ def run_octopus_shard(shard: Shard) -> np.ndarray:
     After every recording the whole state of all runs is written to the shard's checkpoint, so that
     a run that is killed goes on from there, to the same numbers.
     """
-    points = {name: jnp.asarray(values, dtype=float) for name, values in shard.points}
+    num_points, num_seeds, times = len(shard.points[0][1]), len(shard.seeds), shard.condition.times
+    points = _side_by_side(shard)
     root = jax.random.fold_in(jax.random.key(shard.study_seed), STREAMS[shard.phase])
-    seeds = jnp.asarray(shard.seeds)
+    seeds = jnp.tile(jnp.asarray(shard.seeds), num_points)
     keys = jax.vmap(lambda seed: jax.random.split(jax.random.fold_in(root, seed)))(seeds)
-    times = shard.condition.times
     begun, interval = _programs(shard.arm, shard.condition)
     states = begun(points, keys[:, 0])
     states, seen = _loaded(shard.checkpoint, states)
@@ -89,14 +89,23 @@ def run_octopus_shard(shard: Shard) -> np.ndarray:
         states, measured = interval(points, keys[:, 1], states)
         seen.append(np.asarray(measured))
         _keep(shard.checkpoint, states, seen)
-    return np.stack(seen, axis=2)
+    return np.stack(seen, axis=1).reshape(num_points, num_seeds, len(times), -1)
+
+
+def _side_by_side(shard: Shard) -> dict[str, Array]:
+    """The point of each run: points and seeds are one axis, seeds the faster.
+
+    The arms' physics are quickest on one long axis.
+    """
+    values = {name: jnp.asarray(of_points, dtype=float) for name, of_points in shard.points}
+    return {name: jnp.repeat(column, len(shard.seeds)) for name, column in values.items()}
 
 
 @functools.cache
 def _programs(
     arm: Arm, condition: Condition
 ) -> tuple[Callable[..., TrainState], Callable[..., tuple[TrainState, Array]]]:
-    """The start of points x seeds, and an interval of learning with a played episode at its end."""
+    """The start of a batch of runs, and an interval of learning with an episode at its end."""
     environment, steps = environment_of(arm), condition.times[0]
 
     def start(point: dict[str, Array], key: PRNGKeyArray) -> TrainState:
@@ -110,11 +119,10 @@ def _programs(
         state, _ = train(learner, environment, train_key, steps, start=state)
         return state, episode(learner, environment, play_key, state.learner)
 
-    def grid(one: Callable[..., Any], *axes: Any) -> Callable[..., Any]:
-        inner = jax.vmap(one, in_axes=(None, 0, *axes))
-        return jax.jit(jax.vmap(inner, in_axes=(0, None, *axes)), compiler_options=COMPILER_OPTIONS)
+    def batch(one: Callable[..., Any]) -> Callable[..., Any]:
+        return jax.jit(jax.vmap(one), compiler_options=COMPILER_OPTIONS)
 
-    return grid(start), grid(learn, 0)
+    return batch(start), batch(learn)
 
 
 def _keep(path: str | None, states: TrainState, seen: list[np.ndarray]) -> None:
@@ -158,11 +166,12 @@ def keep_policy(results: Results, shards: list[Shard], directory: Path) -> None:
     shard = next(
         s for s in shards if (s.condition, s.arm.name) == (condition, name) and seed in s.seeds
     )
-    points = {key: jnp.asarray(values, dtype=float) for key, values in shard.points}
     begun, _ = _programs(shard.arm, shard.condition)
-    keys = jax.random.split(jax.random.key(0), len(shard.seeds))
+    points, num_seeds = _side_by_side(shard), len(shard.seeds)
+    keys = jax.random.split(jax.random.key(0), len(shard.points[0][1]) * num_seeds)
     states, _ = _loaded(shard.checkpoint, begun(points, keys))
-    theta = jax.tree.map(lambda x: x[row, shard.seeds.index(seed)], states.learner.theta)
+    run = row * num_seeds + shard.seeds.index(seed)
+    theta = jax.tree.map(lambda x: x[run], states.learner.theta)
     content = io.BytesIO()
     np.savez(content, seed=seed, **_numbered(theta))
     write_atomically(directory / POLICY, lambda file: file.write(content.getbuffer()))
