@@ -107,17 +107,15 @@ def test_another_seed_changes_the_tables(finished: Path, tmp_path: Path):
     assert tables(reproduce(tmp_path, seed=1)) != tables(finished)
 
 
-@pytest.mark.parametrize(("workers", "kill_after"), [(1, 3), (2, 9)])
+@pytest.mark.parametrize(("workers", "kill_after"), [(1, 2), (2, 8)])
 def test_killed_and_resumed_gives_the_same_bytes(
     finished: Path, tmp_path: Path, workers: int, kill_after: int
 ):
     with start(tmp_path, workers) as process:
         assert process.stdout is not None
-        for _ in range(kill_after):
+        while len(list((tmp_path / "tiny" / "shards").glob("*.npy"))) < kill_after:
             assert process.stdout.readline()
         os.kill(process.pid, signal.SIGKILL)
-    done = len(list((tmp_path / "tiny" / "shards").glob("*.npy")))
-    assert done > 0
     assert not (tmp_path / "tiny" / "summary.json").exists()
     with start(tmp_path, workers) as process:
         assert process.stdout is not None

@@ -157,7 +157,7 @@ class Reproduction:
                 self.directory.save_shard(missing[index].name, result)
                 self.directory.seconds = earlier + time.monotonic() - began
                 found[missing[index].name] = result
-        tell()
+                tell()
         return found
 
     def _write_report(self, results: Results, environment_steps: int) -> None:
