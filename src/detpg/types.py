@@ -246,15 +246,23 @@ def hyper_parameters(record: Any) -> dict[str, Hyper]:
 
 
 def check_hyper(record: Any) -> None:
-    """Refuses a hyper-parameter that is not finite or outside its range.
+    """Refuses a hyper-parameter that is not finite, outside its range or of the wrong shape.
 
-    Traced values pass: inside `jit` or `vmap` there is no number to look at.
+    It is one number; only a `Width` may be a vector. Of a traced value the shape alone is looked
+    at: inside `jit` or `vmap` there is no number.
 
     Raises:
-        ValueError: Names the value, the range and the hyper-parameter.
+        ValueError: Names the value or shape, the range and the hyper-parameter.
     """
+    annotations = {field.name: field.type for field in dataclasses.fields(record)}
     for name, known in hyper_parameters(record).items():
-        value = getattr(record, name)
+        value, is_width = getattr(record, name), annotations[name] is Width
+        if np.ndim(value) > is_width:
+            needed = "one number for each action component" if is_width else "one number"
+            raise ValueError(
+                f"{name} has shape {np.shape(value)}: give {needed} ({known.doc}); map over a grid "
+                "with jax.vmap."
+            )
         if isinstance(value, Tracer):
             continue
         for number in np.ravel(np.asarray(value)):

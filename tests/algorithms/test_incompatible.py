@@ -106,28 +106,6 @@ def test_any_differentiable_policy_and_critic():
     assert jax.tree.structure(first.theta) == jax.tree.structure(state.learner.theta)
 
 
-class Blind:
-    """Q^w(s, a) = w s: it ignores the action."""
-
-    def init(self, key):
-        return jnp.zeros(2)
-
-    def __call__(self, w, observation, action):
-        return jnp.dot(w, observation)
-
-
-@pytest.mark.parametrize("learner", [DAC, OPDAC])
-def test_a_q_that_ignores_the_action_is_refused(learner):
-    with pytest.raises(ValueError, match="does not change with a"):
-        learner.create(LQR().spec, action_value=Blind())
-
-
-@pytest.mark.parametrize("learner", [DAC, OPDAC, COPDACQ, COPDACGQ])
-def test_a_policy_of_the_wrong_shape_is_refused(learner):
-    with pytest.raises(ValueError, match=r"shape \(3,\), but environment 'lqr' takes \(1,\)"):
-        learner.create(LQR().spec, policy=LinearPolicy(2, 3))
-
-
 @pytest.mark.parametrize("learner", [DAC, OPDAC, COPDACQ, COPDACGQ])
 @pytest.mark.parametrize("bad", [float("nan"), float("inf"), -1.0])
 def test_a_step_size_that_is_not_usable_is_refused(learner, bad):

@@ -10,7 +10,7 @@ from jaxtyping import PRNGKeyArray, PyTree
 from detpg import trees
 from detpg.actors.compatible import compatible_direction
 from detpg.algorithms.copdac_q import COPDACQInfo
-from detpg.algorithms.parts import behaviour, checked, compatible_parts, incremental, seen
+from detpg.algorithms.parts import behaviour, checked, compatible_parts, incremental, seen, validate
 from detpg.critics.td import td_error
 from detpg.features.compatible import compatible_features
 from detpg.types import (
@@ -23,7 +23,6 @@ from detpg.types import (
     StateValue,
     Transition,
     Width,
-    check_hyper,
     hyper,
 )
 
@@ -69,7 +68,7 @@ class COPDACGQ(eqx.Module):
     correlation: Number = hyper("of the noise from step to step; 0: white", 0.0, 0.0, 0.999999)
 
     def __check_init__(self):
-        check_hyper(self)
+        validate(self)
 
     @classmethod
     def create(cls, spec: EnvironmentSpec, **options: Any) -> "COPDACGQ":

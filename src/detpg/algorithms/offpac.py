@@ -8,7 +8,7 @@ from jaxtyping import Array, Float, PRNGKeyArray
 
 from detpg import trees
 from detpg.actors.stochastic import gaussian_score
-from detpg.algorithms.parts import feature_gaussian, feature_parts, incremental
+from detpg.algorithms.parts import feature_gaussian, feature_parts, incremental, validate
 from detpg.critics.td import td_error
 from detpg.policies.behaviour import GaussianBehaviour
 from detpg.policies.feature_gaussian import MeanAndWidth
@@ -19,7 +19,6 @@ from detpg.types import (
     Number,
     Observation,
     Transition,
-    check_hyper,
     hyper,
 )
 
@@ -71,7 +70,7 @@ class OffPAC(eqx.Module):
     sigma: Number = hyper("standard deviation of the behaviour, action units", 0.3, 1e-6, 1e6)
 
     def __check_init__(self):
-        check_hyper(self)
+        validate(self)
 
     @classmethod
     def create(cls, spec: EnvironmentSpec, **options: Any) -> "OffPAC":

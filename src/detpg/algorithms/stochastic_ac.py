@@ -8,7 +8,7 @@ from jaxtyping import Array, Float, PRNGKeyArray
 
 from detpg import trees
 from detpg.actors.stochastic import Gradient, gaussian_score
-from detpg.algorithms.parts import feature_gaussian, feature_parts, incremental
+from detpg.algorithms.parts import feature_gaussian, feature_parts, incremental, validate
 from detpg.critics.td import td_error
 from detpg.policies.feature_gaussian import MeanAndWidth
 from detpg.types import (
@@ -18,7 +18,6 @@ from detpg.types import (
     Number,
     Observation,
     Transition,
-    check_hyper,
     hyper,
 )
 
@@ -73,7 +72,7 @@ class StochasticAC(eqx.Module):
     sigma0: Number = hyper("standard deviation at the start, action units", 0.3, 1e-6, 1e6)
 
     def __check_init__(self):
-        check_hyper(self)
+        validate(self)
 
     @classmethod
     def create(cls, spec: EnvironmentSpec, **options: Any) -> "StochasticAC":

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray, PyTree
 
+from detpg.checks import check_choices
 from detpg.polynomials import num_products, products
 from detpg.types import Features, Number, Observation
 
@@ -61,6 +62,9 @@ class MLPStateValue:
     observation_size: int
     hidden: int = 40
     activation: Literal["tanh", "sigmoid"] = "tanh"
+
+    def __post_init__(self):
+        check_choices(self)
 
     def init(self, key: PRNGKeyArray) -> PyTree:
         """Hidden weights normal with variance 1 / inputs; output weights 0, so that V = 0."""
