@@ -25,7 +25,8 @@ class Transition(eqx.Module):
     """One step of experience, (s, a, r, s', a').
 
     `next_observation` is the one before any reset; `next_action` what the learner would do there,
-    drawn before it learns from this transition. `terminated` stops bootstrapping. `truncated`
+    drawn before it learns from this transition (with correlated noise, from the deviation one step
+    earlier: docs/decisions/0015). `terminated` stops bootstrapping. `truncated`
     (false unless given) says that a time limit cut the episode here: s' is bootstrapped from, but
     what a learner carries from step to step, traces and correlated noise, ends. A batch learner
     (`batch_size` set) receives the same record with a leading axis `batch` on every field.

@@ -46,7 +46,7 @@ class OPDAC(eqx.Module):
     Attributes:
         policy: mu_theta (static).
         action_value: Q^w (static).
-        bounds: Of the legal actions (static).
+        bounds: Of the legal actions; only their number m is read (static).
         gamma: Discount factor.
         alpha_theta: Step size of the actor.
         alpha_w: Step size of the critic.

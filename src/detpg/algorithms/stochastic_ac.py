@@ -66,8 +66,8 @@ class StochasticAC(eqx.Module):
     fixed_std: bool = eqx.field(static=True, default=False)
     gamma: Number = hyper("discount factor", 0.99, 0.0, 1.0)
     lambda_: Number = hyper("trace decay; 0: no traces", 0.0, 0.0, 1.0)
-    alpha_u: Number = hyper("step size of the mean", 1e-3, 0.0, 1e6)
-    alpha_y: Number = hyper("step size of the width", 1e-3, 0.0, 1e6)
+    alpha_u: Number = hyper("step size of the mean", 2e-4, 0.0, 1e6)
+    alpha_y: Number = hyper("step size of the width", 1e-5, 0.0, 1e6)
     alpha_v: Number = hyper("step size of the critic", 1e-2, 0.0, 1e6)
     sigma0: Number = hyper("standard deviation at the start, action units", 0.3, 1e-6, 1e6)
 

@@ -23,7 +23,7 @@ class LinearStateValue:
     features: Features
 
     def init(self, key: PRNGKeyArray) -> Float[Array, "feat"]:
-        """V = 0."""
+        """Zero weights v."""
         return jnp.zeros(self.features.size)
 
     def __call__(self, v: Float[Array, "feat"], observation: Observation) -> Number:
@@ -41,7 +41,7 @@ class QuadraticStateValue:
     observation_size: int
 
     def init(self, key: PRNGKeyArray) -> Float[Array, "feat"]:
-        """V = 0."""
+        """Zero weights v."""
         return jnp.zeros(num_products(1 + self.observation_size))
 
     def __call__(self, v: Float[Array, "feat"], observation: Observation) -> Number:
