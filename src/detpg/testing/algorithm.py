@@ -60,7 +60,6 @@ def check_algorithm(algorithm: Any, environment: Any, key: PRNGKeyArray | None =
     check_close("under jax.jit", jax.jit(first)(key), seen)
     check_pure(algorithm, before)
     _check_runs(algorithm, environment, key)
-    _check_ends(algorithm, environment, key)
 
 
 def _check_description(algorithm: Algorithm) -> None:
@@ -167,24 +166,24 @@ def _check_runs(algorithm: Algorithm, environment: Environment, key: PRNGKeyArra
     mend = "make hyper-parameters array leaves (detpg.types.hyper) and static parts equal by value"
     found = f"new hyper-parameters, seeds and copies traced train {count()} times"
     require(count() == 1, found, "once", mend)
+    _check_ends(algorithm, environment, key, half.learner)
 
 
-def _check_ends(algorithm: Algorithm, environment: Environment, key: PRNGKeyArray) -> None:
+def _check_ends(
+    algorithm: Algorithm, environment: Environment, key: PRNGKeyArray, learner: PyTree
+) -> None:
     """A terminal s' is not bootstrapped from; one where a time limit cuts is, as any other."""
-    steps = NUM_UPDATES * (algorithm.batch_size or 1)
-    learner = jax.jit(lambda: train(algorithm, environment, key, steps)[0].learner)()
     seen = _experience(algorithm, environment, key, learner)
 
     @jax.jit
     def learnt(shift: float, terminated: bool, truncated: bool) -> PyTree:
         """What is learnt, with s' and a' moved away from where they are."""
-        ends = (terminated, truncated)
         seen_so = dataclasses.replace(
             seen,
             next_observation=seen.next_observation + shift,
             next_action=seen.next_action + shift,
-            terminated=jnp.full_like(seen.terminated, ends[0]),
-            truncated=jnp.full_like(seen.truncated, ends[1]),
+            terminated=jnp.full_like(seen.terminated, terminated),
+            truncated=jnp.full_like(seen.truncated, truncated),
         )
         return algorithm.update(key, learner, seen_so)[0]
 
