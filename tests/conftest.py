@@ -16,7 +16,7 @@ import jax
 import jaxtyping
 import pytest
 
-CORE = "types trees polynomials environments policies features critics actors"
+CORE = "types checks trees polynomials environments policies features critics actors"
 CORE += " algorithms training evaluation diagnostics theorems"
 jaxtyping.install_import_hook([f"detpg.{name}" for name in CORE.split()], "beartype.beartype")
 

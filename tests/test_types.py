@@ -5,7 +5,7 @@ import jax
 import jax.numpy as jnp
 import pytest
 
-from detpg.types import Hyper, check_hyper, hyper, hyper_parameters, strong
+from detpg.types import Hyper, Width, check_hyper, hyper, hyper_parameters, strong
 
 
 class Record(eqx.Module):
@@ -59,9 +59,23 @@ def test_infinity_is_refused_even_where_nothing_bounds_the_range():
         Unbounded(scale=math.inf)
 
 
-def test_one_bad_value_in_a_grid_is_refused():
+class Wide(Record):
+    sigma: Width = hyper("width", 1.0, 1e-3, 3.0)
+
+
+def test_one_bad_width_among_good_ones_is_refused():
+    assert Wide(sigma=jnp.asarray([1.0, 2.0])).sigma.shape == (2,)
     with pytest.raises(ValueError, match="sigma = 0 is not usable"):
-        Record(sigma=jnp.asarray([1.0, 0.0]))
+        Wide(sigma=jnp.asarray([1.0, 0.0]))
+
+
+def test_only_a_width_may_be_a_vector():
+    with pytest.raises(ValueError, match=r"^alpha has shape \(2,\): give one number .*\.$"):
+        Wide(alpha=jnp.asarray([1.0, 2.0]))
+    with pytest.raises(ValueError, match=r"^sigma has shape \(1, 2\): give one number for each"):
+        Wide(sigma=jnp.asarray([[1.0, 2.0]]))
+    with pytest.raises(ValueError, match=r"^alpha has shape \(2,\)"):
+        jax.jit(lambda alpha: Record(alpha=alpha).alpha)(jnp.ones(2))
 
 
 def test_traced_values_pass():

@@ -1,11 +1,13 @@
 """Small worlds and learners whose every number is known."""
 
+import dataclasses
 from typing import ClassVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 
+from detpg.environments import LQR
 from detpg.types import EnvironmentSpec, check_hyper, hyper
 
 
@@ -40,6 +42,14 @@ class Chain(eqx.Module):
 
     def observe(self, state):
         return jnp.stack([state.position.astype(float), state.label])
+
+
+class ShortLQR(LQR):
+    """The regulator with episodes of three steps."""
+
+    @property
+    def spec(self):
+        return dataclasses.replace(super().spec, time_limit=3)
 
 
 class Recorder(eqx.Module):

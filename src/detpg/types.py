@@ -25,7 +25,8 @@ class Transition(eqx.Module):
     """One step of experience, (s, a, r, s', a').
 
     `next_observation` is the one before any reset; `next_action` what the learner would do there,
-    drawn before it learns from this transition. `terminated` stops bootstrapping. `truncated`
+    drawn before it learns from this transition (with correlated noise, from the deviation one step
+    earlier: docs/decisions/0015). `terminated` stops bootstrapping. `truncated`
     (false unless given) says that a time limit cut the episode here: s' is bootstrapped from, but
     what a learner carries from step to step, traces and correlated noise, ends. A batch learner
     (`batch_size` set) receives the same record with a leading axis `batch` on every field.
@@ -246,15 +247,23 @@ def hyper_parameters(record: Any) -> dict[str, Hyper]:
 
 
 def check_hyper(record: Any) -> None:
-    """Refuses a hyper-parameter that is not finite or outside its range.
+    """Refuses a hyper-parameter that is not finite, outside its range or of the wrong shape.
 
-    Traced values pass: inside `jit` or `vmap` there is no number to look at.
+    It is one number; only a `Width` may be a vector. Of a traced value the shape alone is looked
+    at: inside `jit` or `vmap` there is no number.
 
     Raises:
-        ValueError: Names the value, the range and the hyper-parameter.
+        ValueError: Names the value or shape, the range and the hyper-parameter.
     """
+    annotations = {field.name: field.type for field in dataclasses.fields(record)}
     for name, known in hyper_parameters(record).items():
-        value = getattr(record, name)
+        value, is_width = getattr(record, name), annotations[name] is Width
+        if np.ndim(value) > is_width:
+            needed = "one number for each action component" if is_width else "one number"
+            raise ValueError(
+                f"{name} has shape {np.shape(value)}: give {needed} ({known.doc}); map over a grid "
+                "with jax.vmap."
+            )
         if isinstance(value, Tracer):
             continue
         for number in np.ravel(np.asarray(value)):

@@ -12,6 +12,7 @@ from detpg.critics import LinearStateValue, MLPStateValue
 from detpg.environments import LQR
 from detpg.features import QuadraticFeatures
 from detpg.policies import LinearPolicy
+from detpg.theorems.behaviour_value import OneStep
 from detpg.training import train
 from detpg.types import Bounds, Transition
 
@@ -117,27 +118,110 @@ def test_copdac_gq_against_the_explicit_formula(correction, terminated):
     np.testing.assert_allclose(np.r_[after.u[0], after.z], h, rtol=1e-5, atol=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("learner_class", "options"),
-    [
-        (COPDACQ, {}),
-        (COPDACGQ, {"alpha_u": 0.005}),
-        (COPDACGQ, {"alpha_u": 0.005, "correction": "printed"}),
-    ],
-)
-def test_the_critic_of_a_fixed_actor_finds_the_slope_of_q(learner_class, options):
-    """With alpha_theta = 0, w s estimates grad_a Q(s, mu(s)) (condition 1 of Theorem 3)."""
-    world = LQR(noise=0.3)
-    learner = learner_class.create(
-        world.spec, alpha_theta=0.0, alpha_w=0.02, alpha_v=0.01, sigma=0.5, **options
+@pytest.mark.parametrize("correction", ["printed", "full"])
+def test_copdac_gq_with_capped_actions(correction):
+    """mu = 1, a = 3 and a world that caps at 2: phi = (2 - 1) s, in w's line and in u's."""
+    learner = COPDACGQ(
+        **PARTS | {"bounds": Bounds((-2.0,), (2.0,))},
+        **STEPS,
+        alpha_u=0.3,
+        capped=True,
+        correction=correction,
     )
-    state, _ = train(learner, world, jax.random.key(3), 60_000)
+    w, u = jnp.asarray([[0.5, 0.5]]), jnp.asarray([[0.2, 0.1]])
+    state = COPDACGQState(jnp.asarray([[0.5, 0.25]]), w, jnp.zeros(2), u, jnp.zeros(2), REST)
+    after, info = learner.update(jax.random.key(0), state, transition(terminated=True))
+    # advantage = w . s = 1.5, delta = 4 - 1.5, psi^T h = u . s = 0.4
+    assert float(info.advantage) == pytest.approx(1.5)
+    s = np.array([[1.0, 2.0]])
+    np.testing.assert_allclose(after.w, np.asarray(w) + 0.2 * 2.5 * s, rtol=1e-6)
+    np.testing.assert_allclose(after.u, np.asarray(u) + 0.3 * (2.5 - 0.4) * s, rtol=1e-6)
+    # the next noise goes on from the action as drawn
+    assert float(after.deviation[0]) == 0.0
+
+
+NUM_RUNS = 32
+
+
+@pytest.mark.parametrize("correction", ["printed", "full"])
+def test_the_critic_of_a_fixed_actor_finds_the_slope_of_q(correction):
+    """w s estimates grad_a Q(s, mu(s)), as `detpg verify` checks of COPDAC-Q.
+
+    Episodes are cut after one step: with independent transitions the mean is exact.
+    """
+    world = LQR(noise=0.3, gamma=0.8)
+    rates = {"alpha_theta": 0.0, "alpha_w": 0.02, "alpha_v": 0.02, "alpha_u": 0.02}
+    learner = COPDACGQ.create(world.spec, **rates, sigma=0.5, correction=correction)
+
+    @jax.jit
+    @jax.vmap
+    def run(key):
+        _, log = train(learner, OneStep(world), key, 12_000, probe=lambda learner: learner.w)
+        return jnp.mean(log.probe[6_000:, 0], axis=0)
+
+    found = np.asarray(run(jax.random.split(jax.random.key(3), NUM_RUNS)), dtype=np.float64)
     gain = jnp.zeros((1, 2))
-    exact = jax.vmap(lambda s: jax.grad(world.action_value, argnums=2)(gain, s, gain @ s))(
-        jnp.eye(2)
-    ).T
-    w = np.asarray(state.learner.w)
-    assert np.linalg.norm(w - exact) < 0.25 * np.linalg.norm(exact)
+    slope = jax.vmap(lambda s: jax.grad(world.action_value, argnums=2)(gain, s, gain @ s)[0])
+    error = found.std(axis=0, ddof=1) / np.sqrt(NUM_RUNS)
+    assert np.all(np.abs(found.mean(axis=0) - slope(jnp.eye(2))) < 4 * error)
+    assert np.all(error < 0.05 * np.linalg.norm(slope(jnp.eye(2))))
+
+
+class Shared:
+    """mu_theta = (theta, theta): two components that share their parameter."""
+
+    def init(self, key):
+        return jnp.zeros(1)
+
+    def __call__(self, theta, observation):
+        return jnp.concatenate([theta, theta])
+
+
+@pytest.mark.parametrize("learner_class", [COPDACQ, COPDACGQ])
+@pytest.mark.parametrize(
+    ("sigma", "direction"), [(0.5, 1.0), ((2.0, 0.5), 2 * (4 * -1 + 0.25 * 2) / (4 + 0.25))]
+)
+def test_unequal_widths_turn_the_direction_where_components_share_parameters(
+    learner_class, sigma, direction
+):
+    """r = -a_1 + 2 a_2, so that grad J = 1; docs/decisions/0018 has the formula."""
+    learner = learner_class(
+        policy=Shared(),
+        state_value=Constant(),
+        bounds=Bounds.unbounded(2),
+        alpha_theta=0.0,
+        alpha_w=0.01,
+        alpha_v=0.01,
+        sigma=sigma,
+    )
+
+    def step(state, key):
+        s, rest = jnp.ones(1), jnp.zeros(2)
+        a = learner.act(key, state, s)
+        reward = -a[0] + 2 * a[1]
+        seen = Transition(s, a, reward, s, rest, terminated=jnp.asarray(True))
+        return learner.update(key, state, seen)[0], state.w[0]
+
+    @jax.jit
+    @jax.vmap
+    def run(key):
+        keys = jax.random.split(key, 4_000)
+        return jnp.mean(jax.lax.scan(step, learner.init(key), keys)[1][2_000:])
+
+    w = np.asarray(run(jax.random.split(jax.random.key(0), NUM_RUNS)), dtype=np.float64)
+    error = 2 * w.std(ddof=1) / np.sqrt(NUM_RUNS)
+    assert abs(2 * w.mean() - direction) < 4 * error
+    assert 4 * error < 0.2
+
+
+class Constant:
+    """V^v(s) = v."""
+
+    def init(self, key):
+        return jnp.zeros(())
+
+    def __call__(self, v, observation):
+        return v
 
 
 @pytest.mark.parametrize(

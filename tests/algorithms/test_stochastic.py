@@ -212,6 +212,22 @@ def test_the_regulator_improves(learner_class, options):
     assert float(after - before) > 0.6 * float(world.objective(best) - before)
 
 
+@pytest.mark.parametrize("learner_class", [StochasticAC, OffPAC])
+def test_the_default_step_sizes_keep_eight_of_eight_runs_finite(learner_class):
+    world = LQR()
+    learner = learner_class.create(world.spec)
+
+    @jax.jit
+    @jax.vmap
+    def run(key):
+        state, log = train(learner, world, key, 5_000)
+        return log.info.delta, world.objective(state.learner.u.mean[:, 1:3])
+
+    delta, found = run(jax.random.split(jax.random.key(0), 8))
+    assert np.all(np.isfinite(delta))
+    assert np.all(np.asarray(found) > float(world.objective(jnp.zeros((1, 2)))))
+
+
 @pytest.mark.usefixtures("unchecked")
 def test_features_of_another_size_are_refused():
     with pytest.raises(ValueError, match=r"have shape \(2,\), but their size is said to be 3"):

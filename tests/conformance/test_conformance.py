@@ -1,11 +1,12 @@
 """Everything in the registries keeps the protocols."""
 
 import jax
+import jax.numpy as jnp
 import pytest
 
 from detpg import ALGORITHMS, ENVIRONMENTS
 from detpg.testing import check_algorithm, check_environment
-from toys import Chain, Recorder
+from toys import Chain, Recorder, ShortLQR
 
 # A step of it spreads the rounding of single precision beyond what the check allows.
 DOUBLE = {"octopus-arm"}
@@ -21,6 +22,13 @@ def test_environments(name):
 def test_algorithms(name):
     bandit = ENVIRONMENTS["bandit"](3)
     check_algorithm(ALGORITHMS[name].create(bandit.spec), bandit, jax.random.key(1))
+
+
+@pytest.mark.parametrize("name", ["copdac-gq", "opdac"])
+def test_algorithms_on_episodes_that_a_time_limit_cuts(name):
+    """With two actions, and correlated noise of a width for each."""
+    world, noise = ShortLQR(B=jnp.eye(2)), {"sigma": jnp.asarray([0.1, 0.2]), "correlation": 0.5}
+    check_algorithm(ALGORITHMS[name].create(world.spec, **noise), world, jax.random.key(1))
 
 
 def test_one_that_learns_at_every_step_of_a_longer_episode():

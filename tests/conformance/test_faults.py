@@ -254,6 +254,21 @@ class OtherUpdateUnderVmap(Recorder):
         return {"count": off_in_batches(jnp.cos)(state["count"] + self.rate)}, None
 
 
+class Through(Recorder):
+    """It looks beyond the end of an episode."""
+
+    def update(self, key, state, transition):
+        return {"count": state["count"] + jnp.mean(transition.next_observation)}, None
+
+
+class Cut(Recorder):
+    """It takes a time limit for the end of the world."""
+
+    def update(self, key, state, transition):
+        seen = jnp.where(transition.ended, 0.0, jnp.mean(transition.next_observation))
+        return {"count": state["count"] + seen}, None
+
+
 class Unequal(Recorder):
     tag: New = eqx.field(static=True, default_factory=New)
 
@@ -297,6 +312,8 @@ class Tallying(Recorder):
         (BranchingUpdate, "tracing met TracerBoolConversionError"),
         (OtherUpdateUnderJit, "under jax.jit, .*greedy.* is off by 1"),
         (OtherUpdateUnderVmap, "under jax.vmap over seeds and hyper-parameters, .*count.* is off"),
+        (Through, "another s' where the episode has terminated gave another .*count"),
+        (Cut, "s' was not read where a time limit cuts, but bootstrapping"),
         (Unequal, "new hyper-parameters, seeds and copies traced train 2 times, but once"),
         (Pickled, "saving key.* met TypeError"),
         (Half, "saving bfloat16.* met TypeError"),

@@ -43,8 +43,20 @@ def test_each_component_has_its_width_and_the_noise_its_correlation(correlation:
     assert np.all(np.abs((unit[:, 0] * unit[:, 1]).mean()) < spread)
 
 
-def test_no_width_is_no_noise():
+def test_no_width_is_no_noise_and_has_no_density():
     assert np.all(noise_of(0.5, 0.0) == 0)
+    still = GaussianBehaviour(ConstantPolicy(2), jnp.asarray(0.0))
+    assert np.isnan(still.log_prob(MEAN, OBSERVATION, MEAN))
+
+
+def test_noise_has_its_full_width_where_nothing_went_before_and_starts_narrower_from_rest():
+    """With correlation 0.8 the first step from 0 has sqrt(1 - 0.64) = 0.6 of the width."""
+    behaviour = GaussianBehaviour(ConstantPolicy(2), jnp.asarray(0.5), 0.8)
+    key = jax.random.key(3)
+    white = GaussianBehaviour(ConstantPolicy(2), jnp.asarray(0.5)).act(key, MEAN, OBSERVATION)
+    np.testing.assert_array_equal(behaviour.act(key, MEAN, OBSERVATION), white)
+    started = behaviour.act(key, MEAN, OBSERVATION, jnp.zeros(2))
+    np.testing.assert_allclose(started - MEAN, 0.6 * (white - MEAN), rtol=1e-5)
 
 
 def test_the_noise_starts_anew_with_an_episode():

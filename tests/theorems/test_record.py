@@ -37,6 +37,18 @@ def test_the_three_rules(relation: str, measured, passed: bool):
     assert check("a/b", "a statement", measured, 1.0, 0.2, relation).passed is passed
 
 
+@pytest.mark.parametrize("relation", ["within", "at least", "at most"])
+@pytest.mark.parametrize("bad", [math.inf, -math.inf, math.nan])
+def test_what_is_not_finite_judges_nothing(relation: str, bad: float):
+    assert not check("a/b", "any number will do", 1.0, 1.0, bad, relation).passed
+    assert not check("a/b", "any number will do", 1.0, bad, 0.0, relation).passed
+    assert not check("a/b", "one of two", [1.0, 1.0], 1.0, [0.0, bad], relation).passed
+
+
+def test_no_number_passes_nothing():
+    assert not check("a/b", "a statement", [], 1.0, 0.2).passed
+
+
 def test_json_has_six_keys_and_no_nan():
     record = check("a/b", "a statement", [1.0, math.nan], [1.0, 2.0], 0.5).as_json()
     assert record == {

@@ -9,6 +9,7 @@ from jaxtyping import PRNGKeyArray, PyTree
 
 from detpg import trees
 from detpg.actors.stochastic import likelihood_ratio_direction
+from detpg.checks import check_choices
 from detpg.critics.regression import linear_regression
 from detpg.features.compatible import score
 from detpg.policies.constant import ConstantPolicy
@@ -16,7 +17,6 @@ from detpg.policies.gaussian import GaussianParameters, IsotropicGaussian
 from detpg.types import Action, EnvironmentSpec, Number, Observation, Transition, check_hyper, hyper
 
 Actor = Literal["score-times-q", "score-times-advantage"]
-ACTORS: tuple[Actor, ...] = ("score-times-q", "score-times-advantage")
 
 
 class BanditStochasticACState(eqx.Module):
@@ -61,9 +61,8 @@ class BanditStochasticAC(eqx.Module):
     sigma: Number = hyper("initial standard deviation, action units", 1.0, 1e-6, 1e6)
 
     def __check_init__(self):
+        check_choices(self)
         check_hyper(self)
-        if self.actor not in ACTORS:
-            raise ValueError(f"actor {self.actor!r} is unknown: choose one of {', '.join(ACTORS)}.")
 
     @classmethod
     def create(cls, spec: EnvironmentSpec, **options: Any) -> "BanditStochasticAC":

@@ -10,7 +10,7 @@ from jaxtyping import PRNGKeyArray, PyTree
 from detpg import trees
 from detpg.actors.compatible import compatible_direction
 from detpg.algorithms.copdac_q import COPDACQInfo
-from detpg.algorithms.parts import behaviour, checked, compatible_parts, incremental, seen
+from detpg.algorithms.parts import behaviour, checked, compatible_parts, incremental, seen, validate
 from detpg.critics.td import td_error
 from detpg.features.compatible import compatible_features
 from detpg.types import (
@@ -23,7 +23,6 @@ from detpg.types import (
     StateValue,
     Transition,
     Width,
-    check_hyper,
     hyper,
 )
 
@@ -48,7 +47,7 @@ class COPDACGQ(eqx.Module):
         gamma: Discount factor.
         alpha_theta, alpha_w, alpha_v: Step sizes of actor, advantage and state value.
         alpha_u: Step size of the auxiliary weights; alpha_u |psi|^2 must stay below 2.
-        sigma, correlation: Width and correlation of the behaviour's noise.
+        sigma, correlation: Of the behaviour's noise; unequal widths as in docs/decisions/0018.
     """
 
     equations: ClassVar[str] = "23, 24, 25, 26, 27; natural: end of Section 4.3"
@@ -65,11 +64,11 @@ class COPDACGQ(eqx.Module):
     alpha_w: Number = hyper("step size of the advantage", 1e-1, 0.0, 1e6)
     alpha_v: Number = hyper("step size of the state value", 1e-2, 0.0, 1e6)
     alpha_u: Number = hyper("step size of the auxiliary weights", 1e-2, 0.0, 1e6)
-    sigma: Width = hyper("standard deviation of the behaviour, action units", 0.3, 0.0, 1e6)
+    sigma: Width = hyper("width of the behaviour, action units; 0: phi is 0", 0.3, 0.0, 1e6)
     correlation: Number = hyper("of the noise from step to step; 0: white", 0.0, 0.0, 0.999999)
 
     def __check_init__(self):
-        check_hyper(self)
+        validate(self)
 
     @classmethod
     def create(cls, spec: EnvironmentSpec, **options: Any) -> "COPDACGQ":

@@ -9,7 +9,7 @@ from jaxtyping import PRNGKeyArray, PyTree
 
 from detpg import trees
 from detpg.actors.compatible import compatible_direction
-from detpg.algorithms.parts import behaviour, checked, compatible_parts, incremental, seen
+from detpg.algorithms.parts import behaviour, checked, compatible_parts, incremental, seen, validate
 from detpg.critics.td import td_error
 from detpg.features.compatible import compatible_features
 from detpg.types import (
@@ -22,7 +22,6 @@ from detpg.types import (
     StateValue,
     Transition,
     Width,
-    check_hyper,
     hyper,
 )
 
@@ -57,7 +56,8 @@ class COPDACQ(eqx.Module):
         alpha_theta: Step size of the actor.
         alpha_w: Step size of the advantage; scales like 1 / sigma^2.
         alpha_v: Step size of the state value.
-        sigma: Standard deviation of the behaviour, one number or one for each action component.
+        sigma: Standard deviation of the behaviour; one for each action component is exact only
+            where components share no parameters (docs/decisions/0018).
         correlation: Of its noise from one step to the next.
     """
 
@@ -73,11 +73,11 @@ class COPDACQ(eqx.Module):
     alpha_theta: Number = hyper("step size of the actor", 1e-3, 0.0, 1e6)
     alpha_w: Number = hyper("step size of the advantage", 1e-1, 0.0, 1e6)
     alpha_v: Number = hyper("step size of the state value", 1e-2, 0.0, 1e6)
-    sigma: Width = hyper("standard deviation of the behaviour, action units", 0.3, 0.0, 1e6)
+    sigma: Width = hyper("width of the behaviour, action units; 0: phi is 0", 0.3, 0.0, 1e6)
     correlation: Number = hyper("of the noise from step to step; 0: white", 0.0, 0.0, 0.999999)
 
     def __check_init__(self):
-        check_hyper(self)
+        validate(self)
 
     @classmethod
     def create(cls, spec: EnvironmentSpec, **options: Any) -> "COPDACQ":

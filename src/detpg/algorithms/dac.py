@@ -8,7 +8,7 @@ from jaxtyping import PRNGKeyArray, PyTree
 
 from detpg import trees
 from detpg.actors.deterministic import deterministic_direction
-from detpg.algorithms.parts import checked, incompatible_parts, incremental
+from detpg.algorithms.parts import checked, incompatible_parts, incremental, validate
 from detpg.critics.td import td_error
 from detpg.types import (
     Action,
@@ -18,7 +18,6 @@ from detpg.types import (
     Observation,
     Policy,
     Transition,
-    check_hyper,
     hyper,
 )
 
@@ -58,7 +57,7 @@ class DAC(eqx.Module):
     alpha_w: Number = hyper("step size of the critic", 1e-2, 0.0, 1e6)
 
     def __check_init__(self):
-        check_hyper(self)
+        validate(self)
 
     @classmethod
     def create(cls, spec: EnvironmentSpec, **options: Any) -> "DAC":

@@ -9,7 +9,7 @@ from jaxtyping import PRNGKeyArray, PyTree
 
 from detpg import trees
 from detpg.actors.deterministic import deterministic_direction
-from detpg.algorithms.parts import behaviour, checked, incompatible_parts, incremental
+from detpg.algorithms.parts import behaviour, checked, incompatible_parts, incremental, validate
 from detpg.critics.td import td_error
 from detpg.types import (
     Action,
@@ -21,7 +21,6 @@ from detpg.types import (
     Policy,
     Transition,
     Width,
-    check_hyper,
     hyper,
 )
 
@@ -47,7 +46,7 @@ class OPDAC(eqx.Module):
     Attributes:
         policy: mu_theta (static).
         action_value: Q^w (static).
-        bounds: Of the legal actions (static).
+        bounds: Of the legal actions; only their number m is read (static).
         gamma: Discount factor.
         alpha_theta: Step size of the actor.
         alpha_w: Step size of the critic.
@@ -69,7 +68,7 @@ class OPDAC(eqx.Module):
     correlation: Number = hyper("of the noise from step to step; 0: white", 0.0, 0.0, 0.999999)
 
     def __check_init__(self):
-        check_hyper(self)
+        validate(self)
 
     @classmethod
     def create(cls, spec: EnvironmentSpec, **options: Any) -> "OPDAC":

@@ -1,17 +1,30 @@
 """The parts of a learner: those it gets when none are named, and whether given ones fit."""
 
+from functools import partial
 from typing import Any
 
 import jax
 import jax.numpy as jnp
+from jaxtyping import Array, PRNGKeyArray
 
+from detpg.checks import check_action, check_choices, check_value, shape_of
 from detpg.critics.action_values import QuadraticActionValue
 from detpg.critics.state_values import QuadraticStateValue
 from detpg.features.quadratic import QuadraticFeatures
 from detpg.policies.behaviour import GaussianBehaviour, cap
 from detpg.policies.feature_gaussian import FeatureGaussian
 from detpg.policies.linear import LinearPolicy
-from detpg.types import Action, ActionValue, EnvironmentSpec, Observation, Transition
+from detpg.types import (
+    Action,
+    ActionValue,
+    Bounds,
+    EnvironmentSpec,
+    Observation,
+    Transition,
+    check_hyper,
+)
+
+NUM_TRIED = 32  # actions at which a critic's slope is looked at
 
 
 def incompatible_parts(spec: EnvironmentSpec) -> dict[str, Any]:
@@ -38,12 +51,14 @@ def feature_parts(spec: EnvironmentSpec, options: dict[str, Any]) -> dict[str, A
     """Quadratic features and the environment's discount, unless given; refused if they do not fit.
 
     Raises:
-        ValueError: Features of the wrong size.
+        ValueError: Features of the wrong size, or another number of action components.
     """
     features = QuadraticFeatures(spec.observation_size)
     defaults = {"features": features, "action_size": spec.action_size, "gamma": spec.discount}
     parts = defaults | options
-    found = jax.eval_shape(parts["features"], jnp.zeros(spec.observation_size)).shape
+    _check_action_size(spec, "action_size", parts["action_size"])
+    observation = jnp.zeros(spec.observation_size)
+    found = shape_of("feature map", parts["features"], observation=observation)
     if found != (parts["features"].size,):
         raise ValueError(
             f"The features of an observation have shape {found}, but their size is said to be "
@@ -76,39 +91,88 @@ def seen(learner: Any, transition: Transition) -> tuple[Observation, Action, Obs
     return transition.observation, action, transition.next_observation
 
 
+def validate(learner: Any) -> None:
+    """Refuses a learner whose options, hyper-parameters, bounds or widths cannot be.
+
+    Raises:
+        ValueError: Names the one that cannot be, and what would.
+    """
+    check_choices(learner)
+    check_hyper(learner)
+    if not hasattr(learner, "bounds"):
+        return
+    low, high = learner.bounds
+    if len(low) != len(high) or not all(least <= most for least, most in zip(low, high)):
+        raise ValueError(
+            f"The bounds {low} and {high} are no box: give a low and a high end for each action "
+            "component, low <= high."
+        )
+    if learner.sigma.shape not in ((), (len(low),)):
+        raise ValueError(
+            f"sigma has shape {learner.sigma.shape}, but the actions have {len(low)} components: "
+            "give one number, or one for each component."
+        )
+
+
 def checked(spec: EnvironmentSpec, parts: dict[str, Any]) -> dict[str, Any]:
     """The same parts, refused in one sentence if they do not fit the environment or each other.
 
     Raises:
-        ValueError: A policy whose action has the wrong shape, or a Q that ignores the action.
+        ValueError: A policy, a value or bounds of the wrong shape, or a Q that ignores the action.
     """
-    key, observation = jax.random.key(0), jnp.zeros(spec.observation_size)
-    policy = parts["policy"]
-    action = jax.eval_shape(lambda k: policy(policy.init(k), observation), key)
-    if action.shape != (spec.action_size,):
-        raise ValueError(
-            f"The policy's action has shape {action.shape}, but environment {spec.name!r} takes "
-            f"({spec.action_size},): give a policy for {spec.action_size} action components."
-        )
-    if "action_value" in parts and not _reads_action(parts["action_value"], spec):
-        raise ValueError(
-            "The action value Q(s, a) does not change with a, so its action gradient is zero and "
-            "the actor would never move: give one that reads the action."
-        )
+    observation, action = jnp.zeros(spec.observation_size), jnp.zeros(spec.action_size)
+    theta = jax.eval_shape(parts["policy"].init, jax.random.key(0))
+    check_action(parts["policy"], theta, observation, spec.action_size)
+    if "bounds" in parts:
+        _check_action_size(spec, "the length of the bounds", len(parts["bounds"].low))
+    if "state_value" in parts:
+        check_value("state value", parts["state_value"], observation=observation)
+    if "action_value" in parts:
+        inputs = {"observation": observation, "action": action}
+        check_value("action value", parts["action_value"], **inputs)
+        if not _reads_action(parts["action_value"], spec):
+            raise ValueError(
+                "The action value Q(s, a) does not change with a, so its action gradient is zero "
+                "and the actor would never move: give one that reads the action."
+            )
     return parts
 
 
+def _check_action_size(spec: EnvironmentSpec, words: str, found: int) -> None:
+    if found != spec.action_size:
+        raise ValueError(
+            f"{words} is {found}, but environment {spec.name!r} has {spec.action_size} action "
+            f"components: give {spec.action_size}, or leave it out."
+        )
+
+
 def _reads_action(action_value: ActionValue, spec: EnvironmentSpec) -> bool:
-    """Whether grad_a Q is not zero somewhere, for weights drawn at random.
+    """Whether grad_a Q is not zero somewhere, for weights, states and actions drawn at random.
 
     Evaluated at once also under `jit`, where learners are made for each point of a grid.
     """
+
+    def slope(key: PRNGKeyArray) -> Action:
+        keys = jax.random.split(key, 4)
+        w = jax.tree.map(partial(_drawn, keys[0]), action_value.init(keys[1]))
+        observation = jax.random.normal(keys[2], (spec.observation_size,))
+        action = _legal(keys[3], spec.bounds)
+        return jax.grad(action_value, argnums=2)(w, observation, action)
+
     with jax.ensure_compile_time_eval():
-        keys = jax.random.split(jax.random.key(0), 3)
-        w = jax.tree.map(
-            lambda x: jax.random.normal(keys[0], x.shape, x.dtype), action_value.init(keys[0])
-        )
-        observation = jax.random.normal(keys[1], (spec.observation_size,))
-        action = jax.random.normal(keys[2], (spec.action_size,))
-        gradient = jax.grad(action_value, argnums=2)(w, observation, action)
-        return bool(jnp.any(gradient != 0))
+        slopes = jax.vmap(slope)(jax.random.split(jax.random.key(0), NUM_TRIED))
+        return bool(jnp.any(slopes != 0))
+
+
+def _drawn(key: PRNGKeyArray, weight: Array) -> Array:
+    """A normal weight of the same shape; one that is no real number stays as it is."""
+    real = jnp.issubdtype(weight.dtype, jnp.floating)
+    return jax.random.normal(key, weight.shape, weight.dtype) if real else weight
+
+
+def _legal(key: PRNGKeyArray, bounds: Bounds) -> Action:
+    """An action: uniform between two bounds, else normal."""
+    low, high = (jnp.asarray(bound, dtype=float) for bound in bounds)
+    between = low + jax.random.uniform(key, low.shape) * (high - low)
+    normal = cap(jax.random.normal(key, low.shape), bounds)
+    return jnp.where(jnp.isfinite(high - low), between, normal)

@@ -8,7 +8,7 @@ from jaxtyping import Array, Float, PRNGKeyArray
 
 from detpg import trees
 from detpg.actors.stochastic import Gradient, gaussian_score
-from detpg.algorithms.parts import feature_gaussian, feature_parts, incremental
+from detpg.algorithms.parts import feature_gaussian, feature_parts, incremental, validate
 from detpg.critics.td import td_error
 from detpg.policies.feature_gaussian import MeanAndWidth
 from detpg.types import (
@@ -18,7 +18,6 @@ from detpg.types import (
     Number,
     Observation,
     Transition,
-    check_hyper,
     hyper,
 )
 
@@ -67,13 +66,13 @@ class StochasticAC(eqx.Module):
     fixed_std: bool = eqx.field(static=True, default=False)
     gamma: Number = hyper("discount factor", 0.99, 0.0, 1.0)
     lambda_: Number = hyper("trace decay; 0: no traces", 0.0, 0.0, 1.0)
-    alpha_u: Number = hyper("step size of the mean", 1e-3, 0.0, 1e6)
-    alpha_y: Number = hyper("step size of the width", 1e-3, 0.0, 1e6)
+    alpha_u: Number = hyper("step size of the mean", 2e-4, 0.0, 1e6)
+    alpha_y: Number = hyper("step size of the width", 1e-5, 0.0, 1e6)
     alpha_v: Number = hyper("step size of the critic", 1e-2, 0.0, 1e6)
     sigma0: Number = hyper("standard deviation at the start, action units", 0.3, 1e-6, 1e6)
 
     def __check_init__(self):
-        check_hyper(self)
+        validate(self)
 
     @classmethod
     def create(cls, spec: EnvironmentSpec, **options: Any) -> "StochasticAC":

@@ -32,7 +32,8 @@ class Verify:
         """Runs all checks, prints them, and writes them if told to.
 
         Raises:
-            UserError: A folder that cannot be written to; nothing was run.
+            UserError: A folder that cannot be written to, before anything is run; or a file in
+                it that cannot be, after the checks are printed.
             SystemExit: With code 1 if a check fails.
         """
         if self.output is not None:

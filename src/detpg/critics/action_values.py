@@ -23,7 +23,7 @@ class QuadraticActionValue:
     action_size: int
 
     def init(self, key: PRNGKeyArray) -> Float[Array, "feat"]:
-        """W = 0."""
+        """Zero weights w."""
         return jnp.zeros(num_products(1 + self.observation_size + self.action_size))
 
     def __call__(self, w: Float[Array, "feat"], observation: Observation, action: Action) -> Number:

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray, PyTree
 
+from detpg.checks import check_choices
 from detpg.polynomials import num_products, products
 from detpg.types import Features, Number, Observation
 
@@ -22,7 +23,7 @@ class LinearStateValue:
     features: Features
 
     def init(self, key: PRNGKeyArray) -> Float[Array, "feat"]:
-        """V = 0."""
+        """Zero weights v."""
         return jnp.zeros(self.features.size)
 
     def __call__(self, v: Float[Array, "feat"], observation: Observation) -> Number:
@@ -40,7 +41,7 @@ class QuadraticStateValue:
     observation_size: int
 
     def init(self, key: PRNGKeyArray) -> Float[Array, "feat"]:
-        """V = 0."""
+        """Zero weights v."""
         return jnp.zeros(num_products(1 + self.observation_size))
 
     def __call__(self, v: Float[Array, "feat"], observation: Observation) -> Number:
@@ -61,6 +62,9 @@ class MLPStateValue:
     observation_size: int
     hidden: int = 40
     activation: Literal["tanh", "sigmoid"] = "tanh"
+
+    def __post_init__(self):
+        check_choices(self)
 
     def init(self, key: PRNGKeyArray) -> PyTree:
         """Hidden weights normal with variance 1 / inputs; output weights 0, so that V = 0."""

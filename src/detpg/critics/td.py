@@ -9,7 +9,7 @@ from detpg.types import Number
 def td_error(
     reward: Number, gamma: Number, terminated: Bool[Array, ""], next_value: Number, value: Number
 ) -> Number:
-    """Delta = r + gamma Q(s', a') - Q(s, a) (eq. 11, 16, 19, 23).
+    """The TD error delta = r + gamma Q(s', a') - Q(s, a) (eq. 11, 16, 19, 23).
 
     A terminal state has value 0. A time limit does not terminate: its next state is bootstrapped.
 

@@ -14,7 +14,7 @@ from jax.scipy.sparse.linalg import cg
 from jaxtyping import Array, Float, PyTree
 
 from detpg import trees
-from detpg.diagnostics.checks import check_action, check_theta, shapes
+from detpg.checks import check_action, check_theta, shapes
 from detpg.types import Action, Number, Observation, Policy
 
 Observations = Float[Array, "batch obs"]

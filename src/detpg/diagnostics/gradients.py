@@ -11,7 +11,7 @@ from jax.core import Tracer
 from jaxtyping import Array, Float, PRNGKeyArray, PyTree
 
 from detpg import trees
-from detpg.diagnostics.checks import check_action, check_theta
+from detpg.checks import check_action, check_theta
 from detpg.environments.lqr import LQR
 from detpg.types import Action, Environment, Number, Observation, Policy, StochasticPolicy, strong
 

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray, PyTree
 
 from detpg import trees
-from detpg.diagnostics.checks import shapes
+from detpg.checks import shapes
 from detpg.diagnostics.gradients import PolicyGradient
 from detpg.types import Number
 

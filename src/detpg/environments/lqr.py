@@ -126,7 +126,7 @@ def _dot(a: Array, b: Array) -> Array:
 
 
 def _lyapunov(F: Array, inflow: Array, gamma: float) -> Array:
-    """X = inflow + gamma F X F^T, as one linear system."""
+    """The solution X of X = inflow + gamma F X F^T, as one linear system."""
     d = F.shape[0]
     system = jnp.eye(d * d, dtype=F.dtype) - gamma * jnp.kron(F, F)
     return jnp.linalg.solve(system, inflow.reshape(-1)).reshape(d, d)

@@ -13,7 +13,8 @@ class GaussianBehaviour(eqx.Module):
 
     With a correlation above 0 the noise is an Ornstein-Uhlenbeck process seen once a step: e' =
     correlation e + sqrt(1 - correlation^2) sigma xi, of the same width in the long run. It starts
-    from 0 in each episode. sigma = 0 is no noise at all.
+    from 0 in each episode: the first action has width sigma sqrt(1 - correlation^2). sigma = 0 is
+    no noise at all, and has no density: `log_prob` is then nan.
 
     Attributes:
         policy: mu_theta (static).
@@ -32,7 +33,10 @@ class GaussianBehaviour(eqx.Module):
         observation: Observation,
         deviation: Float[Array, "act"] | None = None,
     ) -> Action:
-        """An action; `deviation` is that of the action before, 0 when not given."""
+        """An action; `deviation` is that of the action before.
+
+        When it is not given the noise is white, of full width sigma: that of the long run.
+        """
         mean = self.policy(theta, observation)
         noise = self.sigma * jax.random.normal(key, mean.shape, mean.dtype)
         if deviation is None:

@@ -19,7 +19,7 @@ class ConstantPolicy:
     action_size: int
 
     def init(self, key: PRNGKeyArray) -> Float[Array, "act"]:
-        """Theta = 0; the paper does not say where it starts."""
+        """Zero parameters theta; the paper does not say where it starts."""
         return jnp.zeros(self.action_size)
 
     def __call__(self, theta: Float[Array, "act"], observation: Observation) -> Action:

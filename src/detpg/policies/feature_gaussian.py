@@ -35,7 +35,7 @@ class FeatureGaussian(eqx.Module):
     sigma0: Number
 
     def init(self, key: PRNGKeyArray) -> MeanAndWidth:
-        """U = 0."""
+        """Zero weights u."""
         zeros = jnp.zeros((self.action_size, self.features.size))
         return MeanAndWidth(mean=zeros, width=zeros)
 

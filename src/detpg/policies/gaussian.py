@@ -31,7 +31,7 @@ class IsotropicGaussian:
     mean: Policy
 
     def init(self, key: PRNGKeyArray) -> GaussianParameters:
-        """Theta from the mean policy, y = 0 (variance 1)."""
+        """The parameters theta of the mean policy, and y = 0 (variance 1)."""
         return GaussianParameters(theta=self.mean.init(key), y=jnp.zeros(()))
 
     def __call__(self, theta: GaussianParameters, observation: Observation) -> Action:

@@ -21,7 +21,7 @@ class LinearPolicy:
     action_size: int
 
     def init(self, key: PRNGKeyArray) -> Float[Array, "act obs"]:
-        """Theta = 0."""
+        """Zero parameters theta."""
         return jnp.zeros((self.action_size, self.observation_size))
 
     def __call__(self, theta: Float[Array, "act obs"], observation: Observation) -> Action:
@@ -41,7 +41,7 @@ class FeaturePolicy:
     action_size: int
 
     def init(self, key: PRNGKeyArray) -> Float[Array, "act feat"]:
-        """Theta = 0."""
+        """Zero parameters theta."""
         return jnp.zeros((self.action_size, self.features.size))
 
     def __call__(self, theta: Float[Array, "act feat"], observation: Observation) -> Action:

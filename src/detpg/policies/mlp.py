@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, PRNGKeyArray, PyTree
 
+from detpg.checks import check_choices
 from detpg.types import Action, Observation
 
 Unit = Literal["linear", "tanh", "sigmoid"]
@@ -32,6 +33,9 @@ class MLPPolicy:
     activation: Unit = "tanh"
     output: Unit = "linear"
     output_width: float = 0.1
+
+    def __post_init__(self):
+        check_choices(self)
 
     def init(self, key: PRNGKeyArray) -> PyTree:
         """Hidden weights normal with variance 1 / inputs, output weights narrower; biases 0."""

@@ -136,10 +136,10 @@ def _first_update(
 
 def _changed(algorithm: Any, name: str, known: Hyper) -> Any:
     """The algorithm with another allowed value of one hyper-parameter."""
-    value = float(getattr(algorithm, name))
-    tried = [value / 2, 2 * value, known.low, known.high]
-    other = next(x for x in tried if known.low <= x <= known.high and x != value)
-    return dataclasses.replace(algorithm, **{name: other})
+    value = getattr(algorithm, name)
+    tried = [value / 2, 2 * value, *(jnp.full_like(value, x) for x in (known.low, known.high))]
+    allowed = [x for x in tried if jnp.all((known.low <= x) & (x <= known.high) & (x != value))]
+    return dataclasses.replace(algorithm, **{name: allowed[0]})
 
 
 def _check_runs(algorithm: Algorithm, environment: Environment, key: PRNGKeyArray) -> None:
@@ -166,6 +166,40 @@ def _check_runs(algorithm: Algorithm, environment: Environment, key: PRNGKeyArra
     mend = "make hyper-parameters array leaves (detpg.types.hyper) and static parts equal by value"
     found = f"new hyper-parameters, seeds and copies traced train {count()} times"
     require(count() == 1, found, "once", mend)
+    _check_ends(algorithm, environment, key, half.learner)
+
+
+def _check_ends(
+    algorithm: Algorithm, environment: Environment, key: PRNGKeyArray, learner: PyTree
+) -> None:
+    """A terminal s' is not bootstrapped from; one where a time limit cuts is, as any other."""
+    seen = _experience(algorithm, environment, key, learner)
+
+    @jax.jit
+    def learnt(shift: float, terminated: bool, truncated: bool) -> PyTree:
+        """What is learnt, with s' and a' moved away from where they are."""
+        seen_so = dataclasses.replace(
+            seen,
+            next_observation=seen.next_observation + shift,
+            next_action=seen.next_action + shift,
+            terminated=jnp.full_like(seen.terminated, terminated),
+            truncated=jnp.full_like(seen.truncated, truncated),
+        )
+        return algorithm.update(key, learner, seen_so)[0]
+
+    near, far = (learnt(shift, True, False) for shift in (0.0, 1.0))
+    mend = "leave out the value of s' where `terminated`, as detpg.critics.td_error does"
+    check_same("another s' where the episode has terminated", far, near, mend)
+    mend = "look at `terminated` alone to stop bootstrapping, not at `truncated` or `ended`"
+    ongoing, cut = (
+        _differ(learnt(0.0, False, limit), learnt(1.0, False, limit)) for limit in (False, True)
+    )
+    require(cut or not ongoing, "s' was not read where a time limit cuts", "bootstrapping", mend)
+
+
+def _differ(one: PyTree, other: PyTree) -> bool:
+    pairs = zip(jax.tree.leaves(one), jax.tree.leaves(other), strict=True)
+    return any(bool(jnp.any(a != b)) for a, b in pairs)
 
 
 def _check_side_by_side(

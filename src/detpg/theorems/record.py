@@ -19,7 +19,7 @@ class Check:
 
     "within": every measured number lies within its tolerance of the expected one. "at least": every
     measured number, less its tolerance, is above the expected one; "at most": plus its tolerance,
-    below. What is not finite fails.
+    below. A number, bound or tolerance that is not finite fails, and so does having none.
 
     Attributes:
         id: Stable name, slash-separated, that of its group first.
@@ -48,7 +48,8 @@ class Check:
             "at least": measured - tolerance >= expected,
             "at most": measured + tolerance <= expected,
         }[self.relation]
-        return bool(np.all(holds & np.isfinite(measured)))
+        finite = all(np.all(np.isfinite(x)) for x in (measured, expected, tolerance))
+        return bool(measured.size > 0 and finite and np.all(holds))
 
     def as_json(self) -> dict[str, Any]:
         """JSON types: a single number stands alone, one that is not finite is null."""

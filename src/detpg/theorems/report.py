@@ -9,17 +9,20 @@ from pathlib import Path
 from typing import Any
 
 from detpg.runs import provenance, write_atomically
-from detpg.theorems.record import Check, Group, Point
+from detpg.theorems.record import WIDEST, Check, Group, Point, rounding
 
 POINTS, CHECKS, PAGE = "points.csv", "checks.json", "checks.md"
 SIGNS = {"within": "", "at least": "≥ ", "at most": "≤ "}
 RULE = (
     "A check passes if every measured number lies within its tolerance of the expected one; where "
     "the expected one has a sign ≥ or ≤, if the measured one, less or plus its tolerance, lies on "
-    "that side. Tolerances are 4 standard errors (over independent blocks or runs; of a fitted "
-    "exponent, from the scatter about the line) or rounding in double precision (100 roundings "
-    "times a condition number); where it is 0 the expected number is a margin. Nothing is random "
-    "between runs: the seeds are fixed."
+    "that side. Tolerances are 4 standard errors, or rounding in double precision (100 roundings "
+    "times a condition number). Standard errors are over independent samples, blocks, estimates or "
+    f"runs; that of an exponent is from the scatter about the line where the points are exact, and "
+    "else from the errors of the points or the exponents of the blocks. The tolerance of an "
+    f"exponent is that, plus a rounding of {rounding(1e3):.1g}, and never more than {WIDEST:g}. "
+    "Where a tolerance is shown as -, the expected number is a margin that was chosen, away from "
+    "the measured one. Nothing is random between runs: the seeds are fixed."
 )
 
 

@@ -64,13 +64,27 @@ class Density:
         return Quadrature(nodes, weights / jnp.sum(weights))
 
 
+def _log_gaussian(e: Number) -> Number:
+    return -0.5 * e**2
+
+
+def _log_bump(e: Number) -> Number:
+    return -1 / (1 - e**2)
+
+
+def _log_polynomial(e: Number) -> Number:
+    return 4 * jnp.log1p(-(e**2))
+
+
+def _log_skewed(e: Number) -> Number:
+    return _log_polynomial(e) + jnp.log1p(e)
+
+
 DENSITIES = {
-    "gaussian": Density("a Gaussian", lambda e: -0.5 * e**2, 2, compact=False),
-    "bump": Density("the bump exp(-1 / (1 - e^2))", lambda e: -1 / (1 - e**2), 2),
-    "polynomial": Density("the bump (1 - e^2)^4", lambda e: 4 * jnp.log1p(-(e**2)), 2),
-    "skewed": Density(
-        "the skewed bump (1 - e^2)^4 (1 + e)", lambda e: 4 * jnp.log1p(-(e**2)) + jnp.log1p(e), 1
-    ),
+    "gaussian": Density("a Gaussian", _log_gaussian, 2, compact=False),
+    "bump": Density("the bump exp(-1 / (1 - e^2))", _log_bump, 2),
+    "polynomial": Density("the bump (1 - e^2)^4", _log_polynomial, 2),
+    "skewed": Density("the skewed bump (1 - e^2)^4 (1 + e)", _log_skewed, 1),
 }
 
 

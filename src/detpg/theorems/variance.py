@@ -181,7 +181,8 @@ def _dimensions(found: list[Squares], norm: float) -> tuple[tuple[Check, ...], t
     deterministic = np.array([squares.deterministic for squares in found])
     stochastic = np.array([squares.stochastic[-1] for squares in found])
     variance = stochastic - norm
-    constant = fitted_power(DIMENSIONS, deterministic.mean(axis=1))
+    squares = deterministic.mean(axis=1)
+    constant = fitted_power(DIMENSIONS, squares - norm)
     growth = _mean([fitted_power(DIMENSIONS, row).value for row in variance[:, 0].T])
     ratios = [_ratio(*pair) for pair in zip(stochastic[:, 1], deterministic, strict=True)]
     checks = (
@@ -191,11 +192,11 @@ def _dimensions(found: list[Squares], norm: float) -> tuple[tuple[Check, ...], t
             "m: fitted exponent",
             constant.value,
             0.0,
-            rounding(),
+            rounding(np.max(squares / (squares - norm))),
         ),
         exponent(
             "variance/dimension/q",
-            "over it, on the same states, that of score times Q grows like m",
+            "on the same states the variance of score times Q grows like m",
             growth,
             1.0,
         ),

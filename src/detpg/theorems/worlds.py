@@ -102,7 +102,7 @@ class Linear:
     observation_size: int
 
     def init(self, key: PRNGKeyArray) -> Float[Array, "feat"]:
-        """V = 0."""
+        """Zero weights v."""
         return jnp.zeros(self.observation_size)
 
     def __call__(self, v: Float[Array, "feat"], observation: Observation) -> Number:
