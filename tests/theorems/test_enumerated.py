@@ -1,7 +1,6 @@
 """Expected updates: the learners' own, against matrices written out."""
 
-import dataclasses
-
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -51,23 +50,19 @@ def test_the_mean_update_is_the_matrix_written_out(star, name: str):
     algorithm, options = ALGORITHMS[name]
     steps = dict.fromkeys(("alpha_w", "alpha_v"), STEP)
     steps |= {"alpha_u": STEP} if "GQ" in name else {}
-    learner = algorithm(
-        LinearPolicy(8, 1),
-        Linear(8),
-        Bounds.unbounded(1),
-        gamma=GAMMA,
-        alpha_theta=0.0,
-        **steps,
-        **options,
-    )
+    parts = LinearPolicy(8, 1), Linear(8), Bounds.unbounded(1)
+    learner = algorithm(*parts, gamma=GAMMA, alpha_theta=0.0, **steps, **options)
     start = learner.init(jax.random.key(0))
     weights = [field for field in ("w", "v", "u", "z") if hasattr(start, field)]
     size = SIZES[name]
 
     def mapped(vector):
         parts = trees.like([getattr(start, field) for field in weights], vector)
-        theta = jnp.asarray(BAIRD_THETA)[None]
-        state = dataclasses.replace(start, **dict(zip(weights, parts)), theta=theta)
+        state = eqx.tree_at(
+            lambda s: [s.theta, *(getattr(s, field) for field in weights)],
+            start,
+            [jnp.asarray(BAIRD_THETA)[None], *parts],
+        )
         after = expected_update(learner, star, state)
         return trees.to_vector([getattr(after, field) for field in weights])
 

@@ -26,15 +26,18 @@ class Enumerated(NamedTuple):
 
 def transitions(observation: Any, action: Any, reward: Any, following: Any) -> Transition:
     """Stacked transitions without a terminal state; the next action is not read by COPDAC."""
-    observation, action = jnp.asarray(observation), jnp.asarray(action)[:, None]
-    return Transition(
-        observation=observation,
-        action=action,
-        reward=jnp.asarray(reward),
-        next_observation=jnp.asarray(following),
-        next_action=jnp.zeros_like(action),
-        terminated=jnp.zeros(len(observation), dtype=bool),
-    )
+
+    def one(s: Array, a: Array, r: Array, next_s: Array) -> Transition:
+        return Transition(
+            observation=s,
+            action=a[None],
+            reward=r,
+            next_observation=next_s,
+            next_action=jnp.zeros_like(a[None]),
+            terminated=jnp.asarray(False),
+        )
+
+    return jax.vmap(one)(*map(jnp.asarray, (observation, action, reward, following)))
 
 
 def expected_update(learner: Algorithm, experience: Enumerated, state: PyTree) -> PyTree:
