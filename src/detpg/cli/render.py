@@ -98,7 +98,7 @@ class Render:
         _, (states, actions, terminated) = jax.jit(lambda: jax.lax.scan(body, start, steps))()
         over = np.flatnonzero(terminated)
         end = over[0] + 1 if len(over) else len(steps)
-        return jax.tree.map(lambda leaf: np.asarray(leaf)[:end], (states, actions))
+        return jax.tree.map(lambda leaf: leaf[:end], (states, actions))
 
     def _write(
         self, environment: "Environment", states: Any, actions: Any, output: Path, kind: str
