@@ -17,6 +17,7 @@ The folders are stops on the road of the data, and imports follow it:
 
 `detpg.diagnostics` measures one's own critic against Theorem 3, and one's own actor's direction
 against the exact gradient.
+`detpg.integrations` shows the environments to other libraries, Gymnasium first.
 `detpg.testing` checks one's own environments and algorithms against the protocols of `detpg.types`.
 """
 

@@ -46,7 +46,7 @@ def test_help_does_not_import_jax():
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
-@pytest.mark.parametrize("command", [(), ("reproduce",), ("verify",), ("list",)])
+@pytest.mark.parametrize("command", [(), ("reproduce",), ("verify",), ("render",), ("list",)])
 def test_every_command_has_help(command: tuple[str, ...]):
     done = detpg(*command, "--help")
     assert done.returncode == 0

@@ -10,12 +10,14 @@ import tyro
 
 from detpg.cli.errors import UserError
 from detpg.cli.list_command import List
+from detpg.cli.render import Render
 from detpg.cli.reproduce import Reproduce
 from detpg.cli.verify import Verify
 
 Command = (
     Annotated[Reproduce, tyro.conf.subcommand("reproduce")]
     | Annotated[Verify, tyro.conf.subcommand("verify")]
+    | Annotated[Render, tyro.conf.subcommand("render")]
     | Annotated[List, tyro.conf.subcommand("list")]
 )
 

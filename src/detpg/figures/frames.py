@@ -1,6 +1,6 @@
 """One picture of an environment in one state, as an array of pixels."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import equinox as eqx
@@ -18,13 +18,14 @@ from detpg.figures import octopus
 GROUND, BODY, AIM = "0.35", "tab:blue", "tab:green"
 
 
-def render(environment: Any, state: Any, pixels: int = 240) -> np.ndarray:
+def render(environment: Any, state: Any, pixels: int = 240, action: Any = None) -> np.ndarray:
     """The environment in a state: uint8, shape (pixels, pixels, 3), red, green, blue.
 
     Args:
         environment: One of those in FRAMES, or with its actions scaled.
         state: Of that environment.
         pixels: Height and width.
+        action: What is done there, for pictures that show it: the octopus arm's muscles.
 
     Raises:
         ValueError: An environment that has no picture.
@@ -39,12 +40,29 @@ def render(environment: Any, state: Any, pixels: int = 240) -> np.ndarray:
     axes = figure.add_axes((0, 0, 1, 1))
     axes.set_axis_off()
     record = isinstance(state, eqx.Module)
-    FRAMES[name](axes, environment, state if record else np.asarray(state, dtype=float))
+    FRAMES[name](axes, environment, state if record else np.asarray(state, dtype=float), action)
     canvas.draw()
     return np.array(canvas.buffer_rgba())[:, :, :3]
 
 
-def _mountain_car(axes: Axes, environment: Any, state: np.ndarray) -> None:
+def film(environment: Any, states: Any, actions: Any, pixels: int = 480) -> Iterator[np.ndarray]:
+    """A picture of each of some states; of the octopus arm with the path of its tip.
+
+    Args:
+        environment: One of those in FRAMES.
+        states: With a leading axis over time on every leaf.
+        actions: The action taken in each state.
+        pixels: Height and width.
+    """
+    if environment.spec.name == "octopus-arm":
+        yield from octopus.frames(environment, states, actions, pixels=pixels)
+        return
+    for step, action in enumerate(np.asarray(actions)):
+        state = jax.tree.map(lambda leaf, at=step: leaf[at], states)
+        yield render(environment, state, pixels, action)
+
+
+def _mountain_car(axes: Axes, environment: Any, state: np.ndarray, action: Any) -> None:
     spec = environment.spec
     low, high = spec.observation_low[0], spec.observation_high[0]
     slope, goal = float(environment.slope), float(environment.goal)
@@ -57,7 +75,7 @@ def _mountain_car(axes: Axes, environment: Any, state: np.ndarray) -> None:
     axes.set(xlim=(low - 0.05, high + 0.05), ylim=(-1.2, 1.4))
 
 
-def _pendulum(axes: Axes, environment: Any, state: np.ndarray) -> None:
+def _pendulum(axes: Axes, environment: Any, state: np.ndarray, action: Any) -> None:
     x, y = np.sin(state[0]), np.cos(state[0])
     axes.plot([0, x], [0, y], color=GROUND, linewidth=4, solid_capstyle="round")
     axes.add_patch(Circle((x, y), 0.12, color=BODY, zorder=3))
@@ -66,7 +84,7 @@ def _pendulum(axes: Axes, environment: Any, state: np.ndarray) -> None:
     axes.set(xlim=(-1.25, 1.25), ylim=(-1.25, 1.25), aspect="equal")
 
 
-def _puddle_world(axes: Axes, environment: Any, state: np.ndarray) -> None:
+def _puddle_world(axes: Axes, environment: Any, state: np.ndarray, action: Any) -> None:
     side = jnp.linspace(0.0, 1.0, 60)
     rooms = jnp.stack(jnp.meshgrid(side, side), axis=-1).reshape(-1, 2)
     reward = jax.vmap(environment.reward, in_axes=(None, None, 0))(rooms[0], rooms[0], rooms)
@@ -79,7 +97,7 @@ def _puddle_world(axes: Axes, environment: Any, state: np.ndarray) -> None:
     axes.set(xlim=(0, 1), ylim=(0, 1))
 
 
-FRAMES: dict[str, Callable[[Axes, Any, Any], None]] = {
+FRAMES: dict[str, Callable[[Axes, Any, Any, Any], None]] = {
     "mountain-car": _mountain_car,
     "octopus-arm": octopus.paint,
     "pendulum": _pendulum,

@@ -1,0 +1,110 @@
+"""`detpg render` through its entry point: what it writes, and what it refuses."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image, ImageSequence
+
+from detpg.cli import main
+
+
+def frames(path: Path) -> list[np.ndarray]:
+    with Image.open(path) as film:
+        pictures = []
+        for number in range(getattr(film, "n_frames", 1)):
+            film.seek(number)
+            pictures.append(np.asarray(film.convert("RGB")))
+    return pictures
+
+
+def seconds(path: Path) -> float:
+    """Pictures that are alike are stored once, and shown for longer."""
+    with Image.open(path) as film:
+        return sum(frame.info["duration"] for frame in ImageSequence.Iterator(film)) / 1000
+
+
+@pytest.mark.parametrize("world", ["mountain-car", "octopus-arm", "pendulum", "puddle-world"])
+def test_a_film_of_each_world(world, tmp_path, capsys: pytest.CaptureFixture[str]):
+    path = tmp_path / "film.gif"
+    main(["render", world, "--output", str(path), "--steps", "3"])
+    assert capsys.readouterr().out == f"written to {path}: 3 steps\n"
+    pictures = frames(path)
+    assert {picture.shape for picture in pictures} == {(480, 480, 3)}
+    assert seconds(path) == pytest.approx(4 / 20)
+    assert np.any(pictures[0] != pictures[-1])
+    assert [found.name for found in tmp_path.iterdir()] == ["film.gif"]
+
+
+def test_mp4_is_what_there_is_by_default(tmp_path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    main(["render", "pendulum", "--steps", "2"])
+    assert (tmp_path / "pendulum.mp4").read_bytes()[4:8] == b"ftyp"
+
+
+def test_a_picture_of_the_last_state(tmp_path):
+    path = tmp_path / "end.PNG"
+    main(["render", "pendulum", "--policy", "zero", "--output", str(path), "--steps", "1"])
+    (early,) = frames(path)
+    main(["render", "pendulum", "--policy", "zero", "--output", str(path), "--steps", "9"])
+    (late,) = frames(path)
+    assert np.any(early != late)
+    main(["render", "pendulum", "--policy", "zero", "--output", str(path), "--steps", "1"])
+    np.testing.assert_array_equal(frames(path)[0], early)
+
+
+def test_the_seed_and_the_hold_matter(tmp_path):
+    path, seen = tmp_path / "end.png", []
+    for words in (
+        ("--seed", "1"),
+        ("--seed", "1"),
+        ("--seed", "2"),
+        ("--seed", "1", "--hold", "1"),
+    ):
+        main(["render", "pendulum", "--output", str(path), "--steps", "20", *words])
+        seen.append(path.read_bytes())
+    assert seen[0] == seen[1]
+    assert len(set(seen)) == 3
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["squid"], "environment 'squid' is unknown: choose from mountain-car, octopus-arm, "),
+        (["lqr"], "environment 'lqr' has no picture: choose from mountain-car, octopus-arm, "),
+        (["pendulum", "--output", "film.avi"], "film.avi is of no known kind: let it end with"),
+        (["pendulum", "--output", "film"], "film is of no known kind: let it end with"),
+        (["pendulum", "--output", "none/film.gif"], "cannot be written to (No such file or dir"),
+        (["pendulum", "--output", "folder.gif"], "cannot be written to (is a folder)"),
+        (["pendulum", "--steps", "0"], "--steps 0 cannot be used: give 1 to 10000."),
+        (["pendulum", "--seed", "-1"], "--seed -1 cannot be used: give 0 to 2147483647."),
+        (["pendulum", "--hold", "0"], "--hold 0 cannot be used: give 1 to 10000."),
+    ],
+)
+def test_what_cannot_be_used_is_refused(
+    words, said, tmp_path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "folder.gif").mkdir()
+    with pytest.raises(SystemExit) as ended:
+        main(["render", *words])
+    assert ended.value.code == 2
+    error = capsys.readouterr().err
+    assert said in error
+    assert error.count("\n") == 1
+    assert [found.name for found in tmp_path.iterdir()] == ["folder.gif"]
+
+
+def test_what_is_there_survives_a_failure(tmp_path, monkeypatch: pytest.MonkeyPatch):
+    path = tmp_path / "film.gif"
+    path.write_bytes(b"before")
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("detpg.runs.directory.os.fsync", full)
+    with pytest.raises(SystemExit) as ended:
+        main(["render", "pendulum", "--output", str(path), "--steps", "1"])
+    assert ended.value.code == 2
+    assert path.read_bytes() == b"before"
+    assert len(list(tmp_path.iterdir())) == 1
