@@ -13,11 +13,11 @@ from benchmarks.numpy_bandit import (
     numpy_stochastic_ac,
 )
 from benchmarks.rows import Row
-from detpg.cli.reproduce import cores
 from detpg.executors import Processes
 from detpg.experiments.figure1 import ACTORS, COPDAC, FIGURE1, RECORDED, adapted
 from detpg.experiments.study import Condition
 from detpg.experiments.sweep import Shard, plan, run_shard
+from detpg.machine import cores
 
 SIZES = {f"figure1.sweep.m{m}": m for m in (10, 25, 50)}
 IDS = tuple(SIZES)

@@ -21,7 +21,7 @@ from detpg.critics import LinearStateValue
 from detpg.environments import MountainCar, ScaledActions
 from detpg.features import TileCoding, divided
 from detpg.kernels import run
-from detpg.kernels.run import cores
+from detpg.machine import cores
 from detpg.policies import FeaturePolicy
 from detpg.training import train
 

@@ -13,11 +13,11 @@ from jaxtyping import PRNGKeyArray
 
 from benchmarks.numpy_octopus import NumpyOctopus
 from benchmarks.rows import Row
-from detpg.cli.reproduce import cores
 from detpg.environments import OctopusArm
 from detpg.environments.octopus_arm.body import at_rest, body_of
 from detpg.environments.octopus_arm.physics import activate, derivative
 from detpg.executors import Processes
+from detpg.machine import cores
 
 IDS = ("octopus.batch1", "octopus.batch256", "octopus.segments12_vs_6")
 BATCH = 256

@@ -26,7 +26,7 @@ def refused(words: str):
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: COPDACGQ.create(SPEC, correction="fulll"), "correction 'fulll' is unknown: "),
+        (lambda: COPDACGQ.create(SPEC, correction="fuller"), "correction 'fuller' is unknown: "),
         (lambda: COPDACGQ.create(SPEC, correction="Full"), "choose one of full, printed"),
         (lambda: StochasticAC.create(SPEC, gradient="Scaled"), "choose one of plain, scaled"),
         (

@@ -11,8 +11,8 @@ from detpg.features import TileCoding, divided
 from detpg.kernels import TASKS, active_features, run
 from detpg.kernels import random as kernel_random
 from detpg.kernels.random import streams
-from detpg.kernels.run import cores
 from detpg.kernels.tasks import environment
+from detpg.machine import cores
 
 CAR = TileCoding.for_environment(environment("mountain-car", {}).spec)
 STEPS = divided(CAR, {"alpha_theta": 0.0066, "alpha_w": 0.1, "alpha_v": 0.1, "sigma": 0.5})

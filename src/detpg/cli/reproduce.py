@@ -1,7 +1,6 @@
 """`detpg reproduce`: the paper's figures, from nothing to a verdict."""
 
 import dataclasses
-import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -9,16 +8,12 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 
 from detpg.cli.errors import UserError
+from detpg.machine import cores
 
 if TYPE_CHECKING:
     from rich.progress import TaskID
 
     from detpg.experiments import Study
-
-
-def cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 @dataclasses.dataclass(frozen=True)

@@ -1,7 +1,6 @@
 """Many runs of a tile-coded learner on a task; and one learner fed with given transitions."""
 
 import dataclasses
-import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple
@@ -14,6 +13,7 @@ from detpg.kernels.loop import Plan, Records, World, compiled, replayed
 from detpg.kernels.random import streams
 from detpg.kernels.tasks import TASKS, environment
 from detpg.kernels.tiles import active_of, tables
+from detpg.machine import cores
 from detpg.types import Bounds, EnvironmentSpec
 
 
@@ -166,11 +166,6 @@ def replay(
     action, reward = action.astype(np.float64), reward.astype(np.float64)
     replayed(learner)(weights, numbers, active, next_active, action, reward, terminated, ended)
     return kernel.named(weights, action_size)
-
-
-def cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _learner(name: str) -> Learner:
