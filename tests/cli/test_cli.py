@@ -111,7 +111,7 @@ def test_the_paper_s_direction_shows(smoke: tuple[Path, str]):
 
 def test_a_finished_study_is_not_run_again(smoke: tuple[Path, str]):
     before = contents(smoke[0])
-    done = detpg("reproduce", "--preset", "smoke", "--output", str(smoke[0]))
+    done = detpg("reproduce", "figure1", "--preset", "smoke", "--output", str(smoke[0]))
     assert done.returncode == 0
     assert "already finished" in done.stdout
     assert contents(smoke[0]) == before
@@ -121,7 +121,7 @@ def test_a_missing_picture_is_drawn_again(smoke: tuple[Path, str]):
     picture = smoke[0] / "figure1" / "figure1.svg"
     before = picture.read_bytes()
     picture.unlink()
-    done = detpg("reproduce", "--preset", "smoke", "--output", str(smoke[0]))
+    done = detpg("reproduce", "figure1", "--preset", "smoke", "--output", str(smoke[0]))
     assert done.returncode == 0
     assert picture.read_bytes() == before
 
