@@ -55,7 +55,8 @@ def test_the_explicit_jacobian_makes_the_same_update(policy):
         lambda x: x.astype(float) if x.dtype.kind == "f" else x, compatible.example(policy)
     )
     # Steps large enough to be seen.
-    learner = type(learner)(policy, learner.state_value, alpha_theta=0.1, alpha_w=0.2, alpha_v=0.3)
+    steps = {"alpha_theta": 0.1, "alpha_w": 0.2, "alpha_v": 0.3}
+    learner = type(learner)(policy, learner.state_value, learner.bounds, **steps)
     ours = compatible.products(learner, state, transition)
     theirs = compatible.jacobian(learner, state, transition)
     for a, b, before in zip(
