@@ -6,8 +6,7 @@ from detpg.experiments.study import Arm, Condition, Options, Preset, Study
 
 TIMES = tuple(range(15_000, 300_001, 15_000))
 
-# The paper gives neither. A hit of 50 beside 2.6 for the whole way makes values that the critic
-# cannot follow at these step sizes: a learner of its own shows what it does.
+# The paper gives none of these; learners of their own show what the other choices do.
 SCALED, SMALL_HIT = ("observation_scale", "unit"), ("hit_reward", 5.0)
 NARROW = ("output_width", 0.3)
 CHOSEN: Options = (SCALED, SMALL_HIT, NARROW)
