@@ -48,11 +48,11 @@ ARMS = (
         CHOSEN,
         _CORRELATED,
         committed=(
-            ("alpha_theta", 4e-3),
+            ("alpha_theta", 8e-3),
             ("alpha_w", 3e-3),
             ("alpha_v", 1e-2),
             ("sigma", 0.2),
-            ("correlation", 0.9),
+            ("correlation", 0.8),
         ),
     ),
     Arm(
@@ -60,7 +60,7 @@ ARMS = (
         "copdac-q",
         CHOSEN,
         _WHITE,
-        committed=(("alpha_theta", 5e-4), ("alpha_w", 3e-3), ("alpha_v", 1e-2), ("sigma", 0.2)),
+        committed=(("alpha_theta", 1e-3), ("alpha_w", 3e-3), ("alpha_v", 1e-2), ("sigma", 0.4)),
     ),
     Arm("COPDAC-Q, natural, correlated noise", "copdac-q", (("natural", True), *CHOSEN), _NATURAL),
     Arm(
