@@ -1,11 +1,10 @@
 """Shards of a study on the octopus arm: learning and playing in turns, kept after every turn."""
 
+import contextlib
 import functools
-import io
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, cast
-from zipfile import BadZipFile
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -19,7 +18,7 @@ from detpg.environments import OctopusArm
 from detpg.experiments.study import Arm, Condition, Results
 from detpg.experiments.sweep import COMPILER_OPTIONS, STREAMS, Shard
 from detpg.policies import MLPPolicy
-from detpg.runs import write_atomically
+from detpg.runs import read_arrays, write_arrays
 from detpg.training import TrainState, begin, train
 from detpg.types import Algorithm, Policy
 
@@ -38,13 +37,24 @@ def environment_of(arm: Arm) -> OctopusArm:
     return OctopusArm(**{name: value for name, value in arm.options if name in _OF_ENVIRONMENT})
 
 
+def policy_of(arm: Arm, environment: OctopusArm) -> MLPPolicy:
+    """mu_theta of Section 5.3: sigmoid units, sigmoid outputs."""
+    sizes, width = environment.spec, dict(arm.options)[_OF_POLICY]
+    return MLPPolicy(
+        sizes.observation_size,
+        sizes.action_size,
+        (HIDDEN,),
+        activation="sigmoid",
+        output="sigmoid",
+        output_width=width,
+    )
+
+
 def learner_of(arm: Arm, environment: OctopusArm, point: dict[str, Any]) -> Algorithm:
     """COPDAC-Q with the networks of Section 5.3 at one point of its grid."""
     spec = environment.spec
-    width = dict(arm.options)[_OF_POLICY]
     kept = {n: v for n, v in arm.options if n not in (*_OF_ENVIRONMENT, _OF_POLICY)}
-    sizes = spec.observation_size, spec.action_size
-    policy = MLPPolicy(*sizes, (HIDDEN,), "sigmoid", "sigmoid", output_width=width)
+    policy = policy_of(arm, environment)
     value = MLPStateValue(spec.observation_size, VALUE_UNITS)
     parts = {"policy": policy, "state_value": value}
     return ALGORITHMS[arm.algorithm].create(spec, **parts, **kept, **point)
@@ -128,9 +138,10 @@ def _programs(
 def _keep(path: str | None, states: TrainState, seen: list[np.ndarray]) -> None:
     if path is None:
         return
-    content = io.BytesIO()
-    np.savez(content, seen=np.stack(seen), **_numbered(states))
-    write_atomically(Path(path), lambda file: file.write(content.getbuffer()))
+    # Without a checkpoint a run can still be finished; what is wrong with the disk is said when the
+    # finished shard is saved.
+    with contextlib.suppress(OSError):
+        write_arrays(Path(path), {"seen": np.stack(seen), **_numbered(states)})
 
 
 def _numbered(tree: PyTree) -> dict[str, Any]:
@@ -139,16 +150,17 @@ def _numbered(tree: PyTree) -> dict[str, Any]:
 
 
 def _loaded(path: str | None, states: TrainState) -> tuple[TrainState, list[np.ndarray]]:
-    """What the checkpoint holds, or the start where there is none."""
-    if path is None or not Path(path).exists():
+    """What the checkpoint holds, or the start where there is none or it is damaged."""
+    kept = None if path is None else read_arrays(Path(path))
+    if kept is None:
         return states, []
-    try:
-        with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as kept:
-            leaves, structure = jax.tree.flatten(states)
-            known = [jnp.asarray(kept[f"leaf{i}"]) for i in range(len(leaves))]
-            return jax.tree.unflatten(structure, known), list(kept["seen"])
-    except (ValueError, EOFError, KeyError, BadZipFile):  # damaged: those runs start over
-        return states, []
+    return _restored(jax.tree.structure(states), kept), list(kept["seen"])
+
+
+def _restored(structure: Any, kept: dict[str, np.ndarray]) -> Any:
+    """A tree from its numbered leaves."""
+    leaves = [jnp.asarray(kept[f"leaf{i}"]) for i in range(structure.num_leaves)]
+    return jax.tree.unflatten(structure, leaves)
 
 
 def keep_policy(results: Results, shards: list[Shard], directory: Path) -> None:
@@ -166,22 +178,25 @@ def keep_policy(results: Results, shards: list[Shard], directory: Path) -> None:
     shard = next(
         s for s in shards if (s.condition, s.arm.name) == (condition, name) and seed in s.seeds
     )
+    if shard.steps_kept() < shard.steps:
+        run_octopus_shard(shard)  # its checkpoint was lost: the same runs again
     begun, _ = _programs(shard.arm, shard.condition)
     points, num_seeds = _side_by_side(shard), len(shard.seeds)
     keys = jax.random.split(jax.random.key(0), len(shard.points[0][1]) * num_seeds)
     states, _ = _loaded(shard.checkpoint, begun(points, keys))
     run = row * num_seeds + shard.seeds.index(seed)
     theta = jax.tree.map(lambda x: x[run], states.learner.theta)
-    content = io.BytesIO()
-    np.savez(content, seed=seed, **_numbered(theta))
-    write_atomically(directory / POLICY, lambda file: file.write(content.getbuffer()))
+    write_arrays(directory / POLICY, {"seed": seed, **_numbered(theta)})
 
 
 def kept_policy(arm: Arm, environment: OctopusArm, directory: Path) -> tuple[Policy, PyTree]:
-    """The policy and theta that `keep_policy` wrote."""
-    point = {name: values[0] for name, values in arm.grid}
-    policy = cast(Any, learner_of(arm, environment, point)).policy
-    with np.load(directory / POLICY, allow_pickle=False) as kept:
-        structure = jax.tree.structure(jax.eval_shape(policy.init, jax.random.key(0)))
-        leaves = [jnp.asarray(kept[f"leaf{i}"]) for i in range(structure.num_leaves)]
-    return policy, jax.tree.unflatten(structure, leaves)
+    """The policy and theta that `keep_policy` wrote.
+
+    Raises:
+        FileNotFoundError: They are not there, or damaged.
+    """
+    policy, kept = policy_of(arm, environment), read_arrays(directory / POLICY)
+    if kept is None:
+        raise FileNotFoundError(f"{directory / POLICY} is missing or damaged")
+    structure = jax.tree.structure(jax.eval_shape(policy.init, jax.random.key(0)))
+    return policy, _restored(structure, kept)

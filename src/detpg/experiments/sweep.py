@@ -4,7 +4,6 @@ import dataclasses
 import functools
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import jax
 import jax.numpy as jnp
@@ -15,6 +14,7 @@ from detpg.algorithms import ALGORITHMS
 from detpg.environments import ENVIRONMENTS
 from detpg.evaluation.rollout import greedy_return
 from detpg.experiments.study import Arm, Condition, Phase
+from detpg.runs import read_arrays
 from detpg.training import train
 
 # Level 2 compiles in two thirds of the time of the default level 3, and runs no slower.
@@ -66,12 +66,8 @@ class Shard:
 
     def steps_kept(self) -> int:
         """Those that its checkpoint has behind it."""
-        path = Path(self.checkpoint or "")
-        try:
-            with path.open("rb") as file, np.load(file, allow_pickle=False) as kept:
-                return round(self.steps * len(kept["seen"]) / len(self.condition.times))
-        except (OSError, ValueError, EOFError, KeyError, BadZipFile):
-            return 0
+        kept = read_arrays(Path(self.checkpoint or ""), only=("seen",))
+        return round(self.steps * len(kept["seen"]) / len(self.condition.times)) if kept else 0
 
     @property
     def program(self) -> tuple[Any, ...]:

@@ -4,6 +4,7 @@ In: arrays and records. Out: files that are whole or absent, in formats that can
 Next: `detpg.figures` and people read them.
 """
 
+from detpg.runs.arrays import read_arrays, write_arrays
 from detpg.runs.directory import RunDirectory, RunDirectoryError, write_atomically
 from detpg.runs.provenance import provenance
 from detpg.runs.tables import TableWriter
@@ -13,5 +14,7 @@ __all__ = [
     "RunDirectoryError",
     "TableWriter",
     "provenance",
+    "read_arrays",
+    "write_arrays",
     "write_atomically",
 ]

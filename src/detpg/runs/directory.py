@@ -170,7 +170,7 @@ class RunDirectory:
     def shard(self, name: str) -> np.ndarray | None:
         """A finished shard; None if it is absent or damaged, and so has to run (again)."""
         try:
-            # Arrays alone: an array of objects could carry code.
+            # No pickle: an array of objects could carry code.
             return np.load(self.path / SHARDS / f"{name}.npy", allow_pickle=False)
         except (FileNotFoundError, ValueError, EOFError):
             return None
@@ -178,7 +178,7 @@ class RunDirectory:
     def save_shard(self, name: str, result: np.ndarray) -> None:
         """Keeps a finished shard."""
         content = io.BytesIO()
-        # As it is loaded: what could carry code is refused here already.
+        # No pickle, as when it is loaded: what could carry code is refused here already.
         np.save(content, result, allow_pickle=False)
         path = self.path / SHARDS / f"{name}.npy"
         write_atomically(path, lambda file: file.write(content.getbuffer()))

@@ -82,6 +82,7 @@ class GymnasiumEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         observation, reward, terminated, truncated = jax.device_get(outcome)
         return np.array(observation), float(reward), bool(terminated), bool(truncated), {}
 
+    # Gymnasium types a frame as a bare type variable, which nothing concrete can stand for.
     def render(self) -> np.ndarray | None:  # pyright: ignore[reportIncompatibleMethodOverride]
         """The picture as uint8, shape (480, 480, 3), in mode "rgb_array"; nothing otherwise."""
         if self.render_mode != "rgb_array":

@@ -82,6 +82,7 @@ class GymnasiumVectorEnv(VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
         self._observations = np.zeros(self.observation_space.shape or ())
         self._over = np.zeros(num_envs, bool)
 
+    # Gymnasium's property can be set too; here each copy has a generator of its own, set by reset.
     @property
     def np_random(self) -> tuple[np.random.Generator, ...]:  # pyright: ignore[reportIncompatibleMethodOverride]
         """Each copy's own generator."""

@@ -1,0 +1,34 @@
+"""Named arrays in one file: whole or absent, and without any code in it."""
+
+import io
+from collections.abc import Collection, Mapping
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
+
+import numpy as np
+
+from detpg.runs.directory import write_atomically
+
+
+def write_arrays(path: Path, arrays: Mapping[str, Any]) -> None:
+    """Writes arrays, by name, as one `.npz` file."""
+    content = io.BytesIO()
+    np.savez(content, **dict(arrays))
+    write_atomically(path, lambda file: file.write(content.getbuffer()))
+
+
+def read_arrays(path: Path, only: Collection[str] | None = None) -> dict[str, np.ndarray] | None:
+    """What `write_arrays` wrote; None where it is absent or damaged.
+
+    Args:
+        path: The file.
+        only: Names to read; all when not given.
+    """
+    try:
+        with path.open("rb") as file:
+            # Arrays of numbers alone: an array of objects could carry code.
+            kept = np.load(file, allow_pickle=False)
+            return {name: kept[name] for name in (kept.files if only is None else only)}
+    except (OSError, ValueError, EOFError, KeyError, BadZipFile):
+        return None
