@@ -69,9 +69,27 @@ class Bounds(NamedTuple):
     high: tuple[float, ...]
 
     @classmethod
-    def unbounded(cls, action_size: int) -> "Bounds":
+    def unbounded(cls, size: int) -> "Bounds":
         """Every action is legal."""
-        return cls((-math.inf,) * action_size, (math.inf,) * action_size)
+        return cls((-math.inf,) * size, (math.inf,) * size)
+
+    @property
+    def scaled(self) -> "Bounds":
+        """The same box in its own units: [-1, 1] where a component has both bounds."""
+        return Bounds(*zip(*((-1.0, 1.0) if f else end for f, *end in self._components())))
+
+    @property
+    def centre(self) -> tuple[float, ...]:
+        """What 0 means in those units; 0 where a bound is missing."""
+        return tuple((low + high) / 2 if fine else 0.0 for fine, low, high in self._components())
+
+    @property
+    def half_range(self) -> tuple[float, ...]:
+        """What 1 means in those units, from the centre; 1 where a bound is missing."""
+        return tuple((high - low) / 2 if fine else 1.0 for fine, low, high in self._components())
+
+    def _components(self) -> list[tuple[bool, float, float]]:
+        return [(math.isfinite(high - low), low, high) for low, high in zip(*self, strict=True)]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -225,6 +243,14 @@ def strong(value: Any) -> Shaped[Array, "..."]:
     if isinstance(value, jax.Array) and jnp.issubdtype(value.dtype, jnp.floating):
         return value.astype(value.dtype)
     return jnp.asarray(value, dtype=float)
+
+
+def of_episode() -> Any:
+    """A field of a learner's state that belongs to the episode at hand: a trace, a deviation.
+
+    Of a learner that lives in several worlds each of them has one; all else is shared.
+    """
+    return eqx.field(metadata={"of_episode": True})
 
 
 def hyper(doc: str, default: float, low: float, high: float) -> Any:

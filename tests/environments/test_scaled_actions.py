@@ -54,6 +54,8 @@ def test_it_keeps_the_protocol():
     check_environment(ScaledActions(PuddleWorld()))
 
 
-def test_unbounded_actions_are_refused():
-    with pytest.raises(ValueError, match=r"^The actions of 'lqr' have no bounds, .*\.$"):
-        ScaledActions(LQR())
+def test_a_component_without_bounds_keeps_its_units():
+    world = ScaledActions(LQR())
+    assert world.spec == LQR().spec
+    action = jnp.asarray([0.3])
+    assert jnp.array_equal(world.legal(action), action)

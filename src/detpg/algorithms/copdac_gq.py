@@ -24,6 +24,7 @@ from detpg.types import (
     Transition,
     Width,
     hyper,
+    of_episode,
 )
 
 
@@ -35,7 +36,7 @@ class COPDACGQState(eqx.Module):
     v: PyTree
     u: PyTree
     z: PyTree
-    deviation: Action
+    deviation: Action = of_episode()
 
 
 class COPDACGQ(eqx.Module):

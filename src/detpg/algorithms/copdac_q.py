@@ -23,6 +23,7 @@ from detpg.types import (
     Transition,
     Width,
     hyper,
+    of_episode,
 )
 
 
@@ -32,7 +33,7 @@ class COPDACQState(eqx.Module):
     theta: PyTree
     w: PyTree
     v: PyTree
-    deviation: Action
+    deviation: Action = of_episode()
 
 
 class COPDACQInfo(eqx.Module):
@@ -56,8 +57,7 @@ class COPDACQ(eqx.Module):
         alpha_theta: Step size of the actor.
         alpha_w: Step size of the advantage; scales like 1 / sigma^2.
         alpha_v: Step size of the state value.
-        sigma: Standard deviation of the behaviour; one for each action component is exact only
-            where components share no parameters (docs/decisions/0018).
+        sigma: Width of the behaviour; one for each action component: docs/decisions/0018.
         correlation: Of its noise from one step to the next.
     """
 

@@ -20,6 +20,7 @@ from detpg.types import (
     Observation,
     Transition,
     hyper,
+    of_episode,
 )
 
 
@@ -29,8 +30,8 @@ class OffPACState(eqx.Module):
     u: MeanAndWidth
     v: Float[Array, "feat"]
     w: Float[Array, "feat"]
-    e_u: MeanAndWidth
-    e_v: Float[Array, "feat"]
+    e_u: MeanAndWidth = of_episode()
+    e_v: Float[Array, "feat"] = of_episode()
 
 
 class OffPACInfo(eqx.Module):

@@ -22,6 +22,7 @@ from detpg.types import (
     Transition,
     Width,
     hyper,
+    of_episode,
 )
 
 
@@ -30,7 +31,7 @@ class OPDACState(eqx.Module):
 
     theta: PyTree
     w: PyTree
-    deviation: Action
+    deviation: Action = of_episode()
 
 
 class OPDACInfo(eqx.Module):

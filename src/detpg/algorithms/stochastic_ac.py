@@ -19,6 +19,7 @@ from detpg.types import (
     Observation,
     Transition,
     hyper,
+    of_episode,
 )
 
 
@@ -27,8 +28,8 @@ class StochasticACState(eqx.Module):
 
     u: MeanAndWidth
     v: Float[Array, "feat"]
-    e_u: MeanAndWidth
-    e_v: Float[Array, "feat"]
+    e_u: MeanAndWidth = of_episode()
+    e_v: Float[Array, "feat"] = of_episode()
 
 
 class StochasticACInfo(eqx.Module):

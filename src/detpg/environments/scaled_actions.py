@@ -1,7 +1,6 @@
 """Actions in units of their legal range: the learner's 1 is the environment's bound."""
 
 import dataclasses
-import math
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -11,38 +10,30 @@ from detpg.types import Action, Environment, EnvironmentSpec, Number, Observatio
 
 
 class ScaledActions(eqx.Module):
-    """An environment whose legal actions are [-1, 1] in each component.
+    """An environment whose legal actions are [-1, 1] in each component that has bounds.
 
     An action is mapped affinely to the range of the environment inside: -1 to its lower bound, 1 to
     its upper bound; what lies outside goes on along the same line, and the environment cuts it off.
-    Step sizes and the width of the behaviour then have one meaning in all environments.
+    Step sizes and the width of the behaviour then have one meaning in all environments. A component
+    without both bounds has no such unit, and keeps its own.
 
     Attributes:
-        environment: The environment inside, with bounded actions.
+        environment: The environment inside.
     """
 
     environment: Environment
 
-    def __check_init__(self):
-        spec = self.environment.spec
-        if not all(map(math.isfinite, (*spec.action_low, *spec.action_high))):
-            raise ValueError(
-                f"The actions of {spec.name!r} have no bounds, so that there is no unit to scale "
-                "them by: use the environment as it is."
-            )
-
     @property
     def spec(self) -> EnvironmentSpec:
-        ones = (1.0,) * self.environment.spec.action_size
-        return dataclasses.replace(
-            self.environment.spec, action_low=tuple(-x for x in ones), action_high=ones
-        )
+        spec = self.environment.spec
+        low, high = spec.bounds.scaled
+        return dataclasses.replace(spec, action_low=low, action_high=high)
 
     def legal(self, action: Action) -> Action:
         """The action in the units of the environment inside."""
-        spec = self.environment.spec
-        low, high = (jnp.asarray(b, action.dtype) for b in (spec.action_low, spec.action_high))
-        return (low + high) / 2 + (high - low) / 2 * action
+        bounds = self.environment.spec.bounds
+        centre, half = (jnp.asarray(x, action.dtype) for x in (bounds.centre, bounds.half_range))
+        return centre + half * action
 
     def initial(self, key: PRNGKeyArray) -> PyTree:
         return self.environment.initial(key)

@@ -1,0 +1,139 @@
+"""What a run is watched by: returns, errors and warning signs, counted inside the compiled loop."""
+
+from typing import Any, ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Int, PRNGKeyArray, PyTree
+
+from detpg.types import (
+    Action,
+    Algorithm,
+    Bounds,
+    EnvironmentSpec,
+    Number,
+    Observation,
+    Transition,
+    of_episode,
+)
+
+# What became non-finite first; 0: nothing did.
+QUANTITIES = ("nothing", "observation", "action", "reward", "TD error")
+EDGE = 1e-3  # of the half range: an action this near to a bound counts as on it
+
+
+class Meter(eqx.Module):
+    """Sums since they were last read, and the episode so far.
+
+    Attributes:
+        steps: Number of transitions.
+        episodes: Number of episodes that ended.
+        returns: Sum of their undiscounted returns.
+        lengths: Sum of their steps.
+        squared_errors: Sum of delta^2.
+        values: Sum of the critic's values.
+        saturated: Sum of the shares of mean-action components on a bound.
+        deviations: Sum of |a - mu_theta(s)|^2 / m, half ranges.
+        fault: Index in `QUANTITIES` of what became non-finite first.
+        fault_step: Number of transitions before that, of the whole run.
+        age: Number of transitions of the whole run.
+        episode_return: Of the episode so far.
+        episode_length: Of the episode so far.
+    """
+
+    steps: Number
+    episodes: Number
+    returns: Number
+    lengths: Number
+    squared_errors: Number
+    values: Number
+    saturated: Number
+    deviations: Number
+    fault: Int[Array, ""]
+    fault_step: Int[Array, ""]
+    age: Int[Array, ""]
+    episode_return: Number = of_episode()
+    episode_length: Number = of_episode()
+
+    @classmethod
+    def new(cls) -> "Meter":
+        """Nothing seen."""
+        zero, whole = jnp.zeros(()), jnp.asarray(0, dtype=int)
+        return cls(*(zero,) * 8, *(whole,) * 3, episode_return=zero, episode_length=zero)
+
+    def read(self) -> "Meter":
+        """The meter after it was read: sums are zero again, the episode and the faults stay."""
+        zero = jnp.zeros_like(self.steps)
+        kept = self.fault, self.fault_step, self.age, self.episode_return, self.episode_length
+        return Meter(*(zero,) * 8, *kept)
+
+
+class MeteredState(eqx.Module):
+    """The learner's own state, and the meter."""
+
+    learner: PyTree
+    meter: Meter
+
+
+class Metered(eqx.Module):
+    """A learner whose state counts what it earns and shows; it learns what it learnt without.
+
+    Attributes:
+        algorithm: The learner inside, of one transition per update.
+        bounds: Of the actions, as the learner sees them (static).
+    """
+
+    equations: ClassVar[str] = "none: a wrapper"
+    batch_size: ClassVar[None] = None
+
+    algorithm: Algorithm
+    bounds: Bounds = eqx.field(static=True)
+
+    @classmethod
+    def create(cls, spec: EnvironmentSpec, **options: Any) -> "Metered":
+        """The wrapper; `algorithm` is among the options."""
+        return cls(bounds=spec.bounds, **options)
+
+    def init(self, key: PRNGKeyArray) -> MeteredState:
+        return MeteredState(self.algorithm.init(key), Meter.new())
+
+    def act(self, key: PRNGKeyArray, state: MeteredState, observation: Observation) -> Action:
+        return self.algorithm.act(key, state.learner, observation)
+
+    def update(
+        self, key: PRNGKeyArray, state: MeteredState, transition: Transition
+    ) -> tuple[MeteredState, PyTree]:
+        learner, info = self.algorithm.update(key, state.learner, transition)
+        mean = self.algorithm.greedy(state.learner, transition.observation)
+        return MeteredState(learner, self._counted(state.meter, transition, mean, info)), info
+
+    def greedy(self, state: MeteredState, observation: Observation) -> Action:
+        return self.algorithm.greedy(state.learner, observation)
+
+    def _counted(self, meter: Meter, transition: Transition, mean: Action, info: Any) -> Meter:
+        half, low, high = (
+            jnp.asarray(end, mean.dtype) for end in (self.bounds.half_range, *self.bounds)
+        )
+        on_bound = (mean <= low + EDGE * half) | (mean >= high - EDGE * half)
+        total = meter.episode_return + transition.reward
+        length = meter.episode_length + 1
+        ended = transition.ended.astype(total.dtype)
+        seen = transition.observation, transition.action, transition.reward, info.delta
+        finite = jnp.stack([jnp.all(jnp.isfinite(x)) for x in seen])
+        fault = jnp.where(jnp.all(finite), 0, jnp.argmin(finite) + 1).astype(meter.fault.dtype)
+        first = (meter.fault == 0) & (fault > 0)
+        return Meter(
+            steps=meter.steps + 1,
+            episodes=meter.episodes + ended,
+            returns=meter.returns + ended * total,
+            lengths=meter.lengths + ended * length,
+            squared_errors=meter.squared_errors + info.delta**2,
+            values=meter.values + info.value,
+            saturated=meter.saturated + jnp.mean(on_bound.astype(total.dtype)),
+            deviations=meter.deviations + jnp.mean(((transition.action - mean) / half) ** 2),
+            fault=jnp.where(first, fault, meter.fault),
+            fault_step=jnp.where(first, meter.age, meter.fault_step),
+            age=meter.age + 1,
+            episode_return=total * (1 - ended),
+            episode_length=length * (1 - ended),
+        )
