@@ -42,7 +42,7 @@ bench: setup
 	$(BIN)/python -m benchmarks $(ONLY)
 
 lock:
-	uv pip compile pyproject.toml --group dev --universal --generate-hashes \
+	uv pip compile pyproject.toml --group dev --extra minari --extra onnx --universal --generate-hashes \
 	  --no-emit-index-url --no-annotate --no-header --python-version 3.11 -o requirements.lock
 
 clean:
