@@ -4,7 +4,7 @@ import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import tyro
 
@@ -12,10 +12,15 @@ from detpg.cli.errors import UserError
 from detpg.cli.list_command import List
 from detpg.cli.render import Render
 from detpg.cli.reproduce import Reproduce
+from detpg.cli.train import Resume, Train, train_command
 from detpg.cli.verify import Verify
 
-Command = (
-    Annotated[Reproduce, tyro.conf.subcommand("reproduce")]
+ABOUT = "Deterministic policy gradients: the algorithms and experiments of Silver et al. (2014)."
+
+Command: Any = (
+    Annotated[Train, tyro.conf.subcommand("train")]
+    | Annotated[Resume, tyro.conf.subcommand("resume")]
+    | Annotated[Reproduce, tyro.conf.subcommand("reproduce")]
     | Annotated[Verify, tyro.conf.subcommand("verify")]
     | Annotated[Render, tyro.conf.subcommand("render")]
     | Annotated[List, tyro.conf.subcommand("list")]
@@ -28,15 +33,16 @@ def main(arguments: Sequence[str] | None = None) -> None:
     Args:
         arguments: Words after the command's name; those of the process when not given.
     """
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    _prepare_jax()
+    trains = words[:1] == ["train"]
     command = tyro.cli(
-        Command,  # pyright: ignore[reportArgumentType]  # tyro takes unions, its types do not say so
-        args=arguments,
-        prog="detpg",
-        description="Deterministic policy gradients: the algorithms and experiments of Silver et "
-        "al. (2014).",
+        train_command() if trains else Command,
+        args=words[1:] if trains else words,
+        prog="detpg train" if trains else "detpg",
+        description=Train.__doc__ if trains else ABOUT,
         config=(tyro.conf.OmitArgPrefixes, tyro.conf.FlagCreatePairsOff),
     )
-    _prepare_jax()
     try:
         command.run()
     except UserError as error:

@@ -5,16 +5,22 @@ Next: `detpg.figures` and people read them.
 """
 
 from detpg.runs.arrays import read_arrays, write_arrays
-from detpg.runs.directory import RunDirectory, RunDirectoryError, write_atomically
+from detpg.runs.checkpoints import Checkpoints
+from detpg.runs.directory import MARK, RunDirectory, write_atomically, write_json
+from detpg.runs.lock import RunDirectoryError, locked
 from detpg.runs.provenance import provenance
 from detpg.runs.tables import TableWriter
 
 __all__ = [
+    "MARK",
+    "Checkpoints",
     "RunDirectory",
     "RunDirectoryError",
     "TableWriter",
+    "locked",
     "provenance",
     "read_arrays",
     "write_arrays",
     "write_atomically",
+    "write_json",
 ]

@@ -1,7 +1,6 @@
 """A directory that holds one run: refused when it holds another, resumed when it holds this one."""
 
 import contextlib
-import fcntl
 import io
 import json
 import os
@@ -13,8 +12,9 @@ from typing import IO, Any
 import numpy as np
 
 import detpg
+from detpg.runs.lock import RunDirectoryError, locked
 
-CONFIG, SUMMARY, SHARDS, LOCK = "config.json", "summary.json", "shards", ".lock"
+CONFIG, SUMMARY, SHARDS = "config.json", "summary.json", "shards"
 WRITTEN = (
     "*.parquet",
     "*.png",
@@ -25,10 +25,6 @@ WRITTEN = (
     "claims.md",
 )  # left beside the JSON files
 MARK = "detpg"  # with the version: says that a directory is ours, and whose numbers these are
-
-
-class RunDirectoryError(Exception):
-    """A directory that cannot be used; the message is one sentence for the user."""
 
 
 def write_atomically(path: Path, write: Callable[[IO[bytes]], Any]) -> None:
@@ -84,7 +80,7 @@ class RunDirectory:
         with contextlib.ExitStack() as held:
             try:
                 self.path.mkdir(parents=True, exist_ok=True)
-                held.enter_context(self._locked())
+                held.enter_context(locked(self.path))
                 self._check_ours(fresh)  # again, now that nobody else can change it
                 self._prepare(fresh)
             except OSError as error:
@@ -123,21 +119,6 @@ class RunDirectory:
             shutil.rmtree(self.path / SHARDS, ignore_errors=True)
         else:
             (self.path / SHARDS).mkdir(exist_ok=True)
-
-    @contextlib.contextmanager
-    def _locked(self) -> Iterator[None]:
-        with (self.path / LOCK).open("w") as file:
-            try:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                raise RunDirectoryError(
-                    f"{self.path} is in use by another process: wait for it, or choose another "
-                    "--output."
-                ) from None
-            try:
-                yield
-            finally:
-                (self.path / LOCK).unlink(missing_ok=True)
 
     def _found_config(self) -> dict[str, Any] | None:
         """The configuration that stands here; None where there is nothing of ours or anyone's."""

@@ -6,6 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Int, PRNGKeyArray, PyTree
 
+from detpg.algorithms.parts import incremental
 from detpg.types import (
     Action,
     Algorithm,
@@ -84,7 +85,7 @@ class Metered(eqx.Module):
     """
 
     equations: ClassVar[str] = "none: a wrapper"
-    batch_size: ClassVar[None] = None
+    batch_size = incremental
 
     algorithm: Algorithm
     bounds: Bounds = eqx.field(static=True)

@@ -7,6 +7,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PRNGKeyArray, PyTree
 
+from detpg.algorithms.parts import incremental
 from detpg.types import (
     Action,
     Algorithm,
@@ -75,7 +76,7 @@ class Normalised(eqx.Module):
     """
 
     equations: ClassVar[str] = "none: a wrapper"
-    batch_size: ClassVar[None] = None
+    batch_size = incremental
 
     algorithm: Algorithm
     observation_size: int = eqx.field(static=True)

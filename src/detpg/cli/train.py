@@ -1,0 +1,227 @@
+"""`detpg train` and `detpg resume`: one's own problem, from a command line to a policy."""
+
+import dataclasses
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import tyro
+
+from detpg.cli.errors import UserError
+
+if TYPE_CHECKING:
+    from detpg.workbench.config import Config
+    from detpg.workbench.run import Progress
+
+
+@dataclasses.dataclass(frozen=True)
+class Train:
+    """Trains an algorithm in an environment, or on logged data, into a run directory.
+
+    `detpg train ALGORITHM --help` lists its hyper-parameters. The same command continues a run
+    that was stopped.
+    """
+
+    def run(self) -> None:
+        """Is replaced by the sub-command of the algorithm."""
+        raise UserError("no algorithm is named: choose one of `detpg list`.")
+
+
+def train_command() -> Any:
+    """A sub-command for each algorithm; made when it is called, for the registry imports JAX."""
+    from detpg.cli.train_flags import algorithms
+
+    return algorithms(_train)
+
+
+@dataclasses.dataclass(frozen=True)
+class Resume:
+    """Continues a run that was stopped, or one that is finished for more steps."""
+
+    path: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="RUN")]
+    """Run directory."""
+
+    steps: Annotated[int | None, tyro.conf.arg(metavar="N", help_behavior_hint="")] = None
+    """Environment steps in all (default: as many as before)."""
+
+    own_policy: Annotated[
+        str | None, tyro.conf.arg(metavar="FILE.py:NAME", help_behavior_hint="")
+    ] = None
+    """Policy of your own, if the run was trained with one: code is never loaded from a run."""
+
+    def run(self) -> None:
+        """Continues.
+
+        Raises:
+            UserError: No run, or one that cannot be continued.
+        """
+        from detpg.runs import RunDirectoryError
+        from detpg.workbench.config import Config
+        from detpg.workbench.run import found_config
+
+        try:
+            found = found_config(self.path)
+        except RunDirectoryError as error:
+            raise UserError(str(error)) from error
+        if found is None:
+            raise UserError(f"{self.path} is no run of `detpg train`: name its folder.")
+        try:
+            config = Config.from_json(found["run"])
+            config = dataclasses.replace(config, steps=self.steps or config.steps)
+        except (TypeError, ValueError) as error:
+            raise UserError(f"{self.path} cannot be continued: {error}") from error
+        _go(config, self.path, self.own_policy)
+
+
+def _train(command: Any) -> None:
+    """What the sub-command of an algorithm does."""
+    from detpg.workbench.config import Config
+
+    try:
+        config = Config(algorithm=command.algorithm, **_settings(command))
+    except (TypeError, ValueError) as error:
+        raise UserError(str(error)) from error
+    world = (config.environment or Path(str(config.data)).stem).replace("/", "-")
+    path = command.output or Path("runs") / f"{config.algorithm}-{world}"
+    _go(config, path, config.policy if ".py:" in config.policy else None)
+
+
+def _settings(command: Any) -> dict[str, Any]:
+    """Settings of the file, and over them the flags."""
+    from detpg.algorithms import ALGORITHMS
+    from detpg.types import hyper_parameters
+    from detpg.workbench.config import read_settings
+    from detpg.workbench.learners import switches
+
+    kind = ALGORITHMS[command.algorithm]
+    of_algorithm = {*hyper_parameters(kind), *switches(kind)}
+    found = read_settings(command.config, command.algorithm) if command.config else {}
+    options = {**found.pop("options", {})}
+    options |= {name: found.pop(name) for name in list(found) if name in of_algorithm}
+    found.pop("algorithm", None)
+    for field in dataclasses.fields(command):
+        value = getattr(command, field.name)
+        if value is None or value is False or field.name in ("config", "output"):
+            continue
+        if field.name in of_algorithm:
+            single = isinstance(value, tuple) and len(value) == 1
+            options[field.name] = value[0] if single else value
+        elif field.name == "environment_option":
+            found["environment_options"] = dict(map(_pair, value))
+        else:
+            found[field.name] = value
+    hidden = {"hidden": tuple(found["hidden"])} if "hidden" in found else {}
+    return {**found, **hidden, "options": options}
+
+
+def _pair(words: str) -> tuple[str, Any]:
+    """NAME=VALUE, the value as JSON where it is any, else as text."""
+    import json
+
+    name, equals, value = words.partition("=")
+    if not equals:
+        raise UserError(f"--environment-option {words} cannot be used: give NAME=VALUE.")
+    try:
+        return name, json.loads(value)
+    except ValueError:
+        return name, value
+
+
+def _go(config: "Config", path: Path, own: str | None) -> None:
+    from detpg.runs import RunDirectoryError
+    from detpg.workbench.diagnosis import DivergedError
+    from detpg.workbench.run import train_in
+
+    stop = _Stop()
+    try:
+        with _Shown(config, path) as shown, stop.listening():
+            ended = train_in(path, config, own=own, report=shown.show, should_stop=stop.asked)
+    except (RunDirectoryError, DivergedError, ValueError) as error:
+        raise UserError(str(error)) from error
+    if not ended.finished:
+        print(f"stopped at step {ended.step:,}; continue with: detpg resume {path}")
+        raise SystemExit(130)
+    print(f"done: {ended.step:,} steps in {path}")
+    print(f"  look    detpg plot {path}")
+    print(f"  judge   detpg evaluate {path}")
+    print(f"  use     detpg export {path} --format onnx")
+
+
+class _Stop:
+    """Ctrl-C: the first ends the run after the interval at hand, the second at once."""
+
+    def __init__(self) -> None:
+        self._asked = False
+
+    def asked(self) -> bool:
+        return self._asked
+
+    @contextmanager
+    def listening(self) -> Iterator[None]:
+        def handle(number: int, frame: Any) -> None:
+            if self._asked:
+                raise KeyboardInterrupt
+            self._asked = True
+
+        numbers = signal.SIGINT, signal.SIGTERM
+        before = {number: signal.signal(number, handle) for number in numbers}
+        try:
+            yield
+        finally:
+            for number, handler in before.items():
+                signal.signal(number, handler)
+
+
+class _Shown:
+    """A bar on a terminal; elsewhere a plain line for each tenth of the run."""
+
+    def __init__(self, config: "Config", path: Path):
+        from rich.console import Console
+        from rich.progress import (
+            BarColumn,
+            Progress,
+            TaskProgressColumn,
+            TextColumn,
+            TimeRemainingColumn,
+        )
+
+        self._console, self._tenth = Console(stderr=True), -1
+        words = f"{config.algorithm} in {config.environment or config.data}"
+        self._console.print(f"{words}, into {path}", highlight=False)
+        self._bars = Progress(
+            TextColumn("{task.fields[steps]}"),
+            BarColumn(),
+            TaskProgressColumn(),
+            TextColumn("{task.fields[speed]}"),
+            TimeRemainingColumn(),
+            TextColumn("{task.fields[earned]}"),
+            console=self._console,
+            disable=not self._console.is_terminal,
+        )
+        fields = {"steps": "compiling", "speed": "", "earned": ""}
+        self._task = self._bars.add_task("", total=config.steps, **fields)
+
+    def __enter__(self) -> "_Shown":
+        self._bars.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._bars.stop()
+
+    def show(self, progress: "Progress") -> None:
+        """Called after every interval."""
+        for message in progress.messages:
+            self._console.print(message, highlight=False, markup=False)
+        steps, speed = f"{progress.step:,} steps", f"{progress.rate:,.0f} steps/s"
+        earned = "" if progress.returned is None else f"return {progress.returned:,.1f}"
+        self._bars.update(
+            self._task, completed=progress.step, steps=steps, speed=speed, earned=earned
+        )
+        tenth = progress.step * 10 // progress.steps
+        if not self._console.is_terminal and tenth != self._tenth:
+            self._tenth = tenth
+            share, left = progress.step / progress.steps, progress.seconds_left
+            words = f"{steps} ({share:.0%}), {speed}, {left:,.0f} s left"
+            self._console.print(", ".join(filter(None, (words, earned))), highlight=False)

@@ -1,0 +1,40 @@
+"""Scalars as TensorBoard event files, a folder for each seed."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+
+class Scalars:
+    """Event files of a run; what a killed run wrote beyond its checkpoint is purged."""
+
+    def __init__(self, path: Path, seeds: int, purge_step: int):
+        """Opens a writer for each seed.
+
+        Args:
+            path: The folder; `tensorboard --logdir` takes it or one above.
+            seeds: Number of learners.
+            purge_step: What is written from this step on replaces what was there.
+        """
+        from tensorboardX import SummaryWriter
+
+        self._writers = [
+            SummaryWriter(str(path / f"seed{i}"), purge_step=purge_step or None)
+            for i in range(seeds)
+        ]
+
+    def write(self, seed: int, step: int, values: Mapping[str, Any]) -> None:
+        """Adds the values that are not None."""
+        for name, value in values.items():
+            if value is not None:
+                self._writers[seed].add_scalar(name, value, step)
+
+    def flush(self) -> None:
+        """What was written is on disk."""
+        for writer in self._writers:
+            writer.flush()
+
+    def close(self) -> None:
+        """Ends the files."""
+        for writer in self._writers:
+            writer.close()

@@ -1,0 +1,118 @@
+"""Learners in a world that JAX compiles: all seeds in one program, resumed to the bit."""
+
+import functools
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import numpy as np
+from jaxtyping import PyTree
+
+from detpg.environments import ENVIRONMENTS, ScaledActions
+from detpg.training import TrainState, begin, train
+from detpg.types import Algorithm, Bounds, Environment, EnvironmentSpec
+from detpg.workbench.config import Config
+from detpg.workbench.play import Played, episode
+
+LEARNING, EVALUATION = 0, 1  # streams of the run's seed
+
+
+class Compiled:
+    """The engine of a world of `detpg.environments`.
+
+    Attributes:
+        world: With actions in its own units.
+        spec: Of the same world, actions in units of the box.
+        bounds: Of the actions, in the world's own units.
+        exact: Whether a resumed run equals one that was never stopped.
+        resume_note: What a user is told about resuming.
+    """
+
+    exact = True
+    resume_note = "a resumed run is equal to the bit to one that was never stopped"
+
+    def __init__(self, config: Config, environment: Environment):
+        """Wraps a world; compiles nothing yet."""
+        self.world, self._config = environment, config
+        self._environment = ScaledActions(environment)
+        self.spec: EnvironmentSpec = self._environment.spec
+        self.bounds: Bounds = environment.spec.bounds
+        if config.num_envs != 1:
+            raise ValueError(
+                f"num_envs = {config.num_envs} is not usable with {self.spec.name!r}, which is "
+                "compiled whole: leave it out and give more seeds."
+            )
+
+    def use(self, learner: Algorithm) -> None:
+        """The learner that is driven."""
+        self.learner = learner
+        root = jax.random.fold_in(jax.random.key(self._config.seed), LEARNING)
+        self._keys = jax.vmap(functools.partial(jax.random.fold_in, root))(
+            np.arange(self._config.seeds)
+        )
+
+    def begin(self) -> TrainState:
+        """Before the first step."""
+        keys = jax.vmap(lambda key: jax.random.split(key)[1])(self._keys)
+        return jax.jit(jax.vmap(lambda key: begin(self.learner, self._environment, key)))(keys)
+
+    def resume(self, state: TrainState, step: int) -> TrainState:
+        """All of it was kept."""
+        return state
+
+    def advance(self, state: TrainState, steps: int) -> TrainState:
+        """That many steps on."""
+        return self._program(steps)(self._keys, state)
+
+    def learners(self, state: TrainState) -> PyTree:
+        """States of the learners, seeds first."""
+        return state.learner
+
+    def metered(self, state: TrainState) -> PyTree:
+        """The same; each learner lives in one world."""
+        return state.learner
+
+    def with_learners(self, state: TrainState, learners: PyTree) -> TrainState:
+        """With other states of the learners."""
+        return TrainState(learners, state.episode, state.step)
+
+    def play(self, learners: PyTree, episodes: int, seed: int) -> Played:
+        """Episodes of the mean policies; their seeds are no learner's."""
+        root = jax.random.fold_in(jax.random.key(seed), EVALUATION)
+        keys = jax.random.split(root, episodes)
+        return Played(*(np.asarray(found) for found in self._player(keys, learners)))
+
+    @functools.cached_property
+    def _player(self) -> Callable[..., Any]:
+        def one(key: Any, state: PyTree) -> Any:
+            return episode(self.learner, self._environment, key, state)
+
+        return jax.jit(jax.vmap(jax.vmap(one, in_axes=(0, None)), in_axes=(None, 0)))
+
+    @functools.lru_cache(maxsize=4)  # noqa: B019  (an engine lives as long as its run)
+    def _program(self, steps: int) -> Callable[..., TrainState]:
+        def one(key: Any, state: TrainState) -> TrainState:
+            return train(self.learner, self._environment, key, steps, start=state)[0]
+
+        return jax.jit(jax.vmap(one))
+
+    def close(self) -> None:
+        """Nothing is open."""
+
+
+def named(config: Config, name: str) -> Environment:
+    """The registered environment of a name, with the options of a configuration.
+
+    Raises:
+        ValueError: An option that it does not take.
+    """
+    options = dict(config.environment_options)
+    if config.time_limit is not None:
+        options["time_limit"] = config.time_limit
+    kind: Any = ENVIRONMENTS[name]
+    if name == "bandit":
+        options.setdefault("key", jax.random.key(config.seed))
+    try:
+        return kind(**options)
+    except TypeError as error:
+        raise ValueError(f"{name} cannot be built with {options}: {error}.") from error

@@ -1,0 +1,167 @@
+"""What a run is: every choice as plain data, so that it can stand in a file."""
+
+import dataclasses
+import json
+import math
+import tomllib
+from pathlib import Path
+from typing import Any, Literal
+
+PolicyKind = str  # "auto", "mlp", "linear", "tiles", "quadratic" or "FILE.py:NAME"
+ValueKind = Literal["mlp", "quadratic", "tiles"]
+Normalise = Literal["none", "observations", "rewards", "both"]
+
+
+@dataclasses.dataclass(frozen=True)
+class Config:
+    """A run of one algorithm in one world, or on one data set.
+
+    Attributes:
+        algorithm: Registry name.
+        environment: Registry name or Gymnasium id.
+        data: Parquet or Minari data set to learn from instead.
+        environment_options: Keyword arguments of the environment.
+        options: Hyper-parameters and switches of the algorithm that are not its defaults.
+        policy: Kind of mu_theta.
+        hidden: Units of each hidden layer of a network.
+        value: Kind of the critic's function.
+        value_units: Hidden units of a critic that is a network.
+        tiles: Tiles along each dimension of tile-coded parts.
+        tilings: Tilings of tile-coded parts.
+        normalise: What is normalised.
+        steps: Environment steps of each learner.
+        seeds: Learners side by side, each with a seed of its own.
+        seed: Of everything random.
+        num_envs: Worlds for each learner; more than one only where the host steps them.
+        time_limit: Steps after which an episode is cut; none: the world's own.
+        log_every: Steps between rows of the metrics.
+        evaluate_every: Steps between evaluations, a multiple of `log_every`.
+        evaluation_episodes: Of each evaluation.
+        checkpoint_every: Steps between checkpoints, a multiple of `log_every`.
+        keep_checkpoints: How many are kept.
+    """
+
+    algorithm: str
+    environment: str | None = None
+    data: str | None = None
+    environment_options: dict[str, Any] = dataclasses.field(default_factory=dict)
+    options: dict[str, Any] = dataclasses.field(default_factory=dict)
+    policy: PolicyKind = "auto"
+    hidden: tuple[int, ...] = (32,)
+    value: ValueKind = "mlp"
+    value_units: int = 40
+    tiles: int = 8
+    tilings: int = 8
+    normalise: Normalise = "observations"
+    steps: int = 100_000
+    seeds: int = 1
+    seed: int = 0
+    num_envs: int = 1
+    time_limit: int | None = None
+    log_every: int = 1_000
+    evaluate_every: int = 5_000
+    evaluation_episodes: int = 10
+    checkpoint_every: int = 5_000
+    keep_checkpoints: int = 3
+
+    def __post_init__(self):
+        _check(self)
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """What makes it this run and no other: all but its length and its bookkeeping."""
+        free = ("steps", "keep_checkpoints", "checkpoint_every")
+        return {name: value for name, value in self.as_json().items() if name not in free}
+
+    def as_json(self) -> dict[str, Any]:
+        """As JSON types."""
+        return json.loads(json.dumps(dataclasses.asdict(self)))
+
+    @classmethod
+    def from_json(cls, found: dict[str, Any]) -> "Config":
+        """What `as_json` gave.
+
+        Raises:
+            ValueError: An unknown key.
+        """
+        known = {field.name for field in dataclasses.fields(cls)}
+        unknown = [name for name in found if name not in known]
+        if unknown:
+            raise ValueError(f"{unknown[0]!r} is no setting of a run: leave it out.")
+        hidden = tuple(found.get("hidden", cls.hidden))
+        return cls(**{**found, "hidden": hidden})
+
+
+POSITIVE = (
+    "steps",
+    "seeds",
+    "num_envs",
+    "value_units",
+    "tiles",
+    "tilings",
+    "log_every",
+    "evaluate_every",
+    "evaluation_episodes",
+    "checkpoint_every",
+    "keep_checkpoints",
+)
+
+
+def _check(config: Config) -> None:
+    """Refuses numbers that cannot be.
+
+    Raises:
+        ValueError: Names the setting, its value and what would do.
+    """
+    for name in POSITIVE:
+        if getattr(config, name) < 1:
+            raise ValueError(f"{name} = {getattr(config, name)} is not usable: give 1 or more.")
+    if not config.hidden or min(config.hidden) < 1:
+        raise ValueError(f"hidden = {config.hidden} is not usable: give 1 or more for each layer.")
+    if not 0 <= config.seed < 2**31:
+        raise ValueError(f"seed = {config.seed} is not usable: give 0 to {2**31 - 1}.")
+    if config.time_limit is not None and config.time_limit < 1:
+        raise ValueError(f"time_limit = {config.time_limit} is not usable: give 1 or more.")
+    for name in ("evaluate_every", "checkpoint_every"):
+        if getattr(config, name) % config.log_every:
+            raise ValueError(
+                f"{name} = {getattr(config, name)} is no multiple of log_every = "
+                f"{config.log_every}: give one that is."
+            )
+    if config.log_every % config.num_envs:
+        raise ValueError(
+            f"log_every = {config.log_every} is no multiple of num_envs = {config.num_envs}: "
+            "give one that is."
+        )
+    if config.environment is None and config.data is None:
+        raise ValueError("There is nothing to learn from: name an environment, or give data.")
+
+
+def read_settings(path: Path, algorithm: str) -> dict[str, Any]:
+    """Settings from a TOML or JSON file: flat, in a table of the algorithm's name, or a run's own.
+
+    Raises:
+        ValueError: A file that cannot be read, in one sentence.
+    """
+    try:
+        text = path.read_text()
+        found = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
+    except OSError as error:
+        raise ValueError(f"{path} cannot be read ({error.strerror}).") from error
+    except ValueError as error:
+        raise ValueError(
+            f"{path} cannot be read ({error}): give TOML, or JSON in a file .json."
+        ) from error
+    if not isinstance(found, dict):
+        raise ValueError(f"{path} holds no settings: give `name = value` lines.")
+    tables = {name: value for name, value in found.items() if isinstance(value, dict)}
+    own = tables.pop(algorithm, {})
+    flat = {n: v for n, v in found.items() if not isinstance(v, dict)} | own
+    for name in ("options", "environment_options"):
+        flat |= {name: tables[name]} if name in tables else {}
+    return flat
+
+
+def finite_json(value: float) -> float | str:
+    """A number as JSON has it: infinite ones as words."""
+    return value if math.isfinite(value) else str(value)

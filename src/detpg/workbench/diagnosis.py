@@ -1,0 +1,87 @@
+"""Words instead of a bad curve: what is wrong with a run, and what to try."""
+
+from typing import Any
+
+import numpy as np
+
+from detpg.wrappers.metered import QUANTITIES
+
+SATURATED = 0.9  # share of mean-action components on a bound
+OVERESTIMATED = 1.0  # mean overestimate, in units of the returns' size
+LEAST_CHANGE = 1e-7  # of the policy's parameters over an interval, relative
+LEAST_NOISE = 1e-3  # root mean square deviation from the mean action, half ranges
+NUM_ROWS = 3  # that have to agree
+
+
+class DivergedError(Exception):
+    """Every learner of a run is non-finite; the message is one sentence for the user."""
+
+
+def faults(meter: Any, finite: np.ndarray) -> dict[int, str]:
+    """Seed -> what became non-finite and when, of learners that are no longer finite.
+
+    Args:
+        meter: `wrappers.Meter`, seeds first.
+        finite: Whether all parameters of each learner are.
+    """
+    found: dict[int, str] = {}
+    for seed, fault in enumerate(np.asarray(meter.fault)):
+        if fault:
+            step = int(np.asarray(meter.fault_step)[seed])
+            found[seed] = f"the {QUANTITIES[int(fault)]} of step {step} is not finite"
+        elif not finite[seed]:
+            step = int(np.asarray(meter.age)[seed])
+            found[seed] = f"a parameter is not finite at step {step}"
+    return found
+
+
+def warnings(rows: list[dict[str, Any]]) -> dict[str, str]:
+    """Kind -> a warning in words, from the last rows of one seed's metrics.
+
+    Args:
+        rows: In order of steps.
+    """
+    found = {}
+    last = rows[-NUM_ROWS:]
+    if len(last) < NUM_ROWS:
+        return found
+    if (share := _least(last, "train/saturated")) > SATURATED:
+        found["saturated"] = (
+            f"the mean action lies on a bound in {share:.0%} of its components: lower alpha_theta, "
+            "or scale rewards down (--normalise both)."
+        )
+    if _most(last, "train/exploration") < LEAST_NOISE:
+        found["exploration"] = (
+            "actions hardly differ from the mean action, so nothing new is tried: raise sigma."
+        )
+    changes = [row["train/policy_change"] for row in rows if _known(row, "train/policy_change")]
+    if len(changes) >= NUM_ROWS and max(changes[-NUM_ROWS:]) < LEAST_CHANGE:
+        found["stuck"] = (
+            f"the policy changed by less than {LEAST_CHANGE:g} of its size since the last "
+            "evaluation: raise alpha_theta, or see whether the critic learns (train/td_error)."
+        )
+    judged = [row for row in rows if _known(row, "eval/value_bias")][-NUM_ROWS:]
+    excess = [row["eval/value_bias"] / max(row["eval/value_scale"], 1e-9) for row in judged]
+    if len(excess) == NUM_ROWS and min(excess) > OVERESTIMATED:
+        row = judged[-1]
+        found["overestimated"] = (
+            f"the critic promises {row['eval/value_bias']:.3g} more than episodes return (their "
+            f"size is {row['eval/value_scale']:.3g}): lower alpha_w or alpha_v."
+        )
+    return found
+
+
+def _known(row: dict[str, Any], name: str) -> bool:
+    return row.get(name) is not None and bool(np.isfinite(row[name]))
+
+
+def _values(rows: list[dict[str, Any]], name: str) -> list[float]:
+    return [row[name] for row in rows if _known(row, name)]
+
+
+def _least(rows: list[dict[str, Any]], name: str) -> float:
+    return min(_values(rows, name), default=-np.inf)
+
+
+def _most(rows: list[dict[str, Any]], name: str) -> float:
+    return max(_values(rows, name), default=np.inf)

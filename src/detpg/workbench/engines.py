@@ -1,0 +1,46 @@
+"""Which engine drives a run: compiled, the host's, or logged data."""
+
+from typing import Any
+
+from detpg.environments import ENVIRONMENTS
+from detpg.types import Environment
+from detpg.workbench.compiled import Compiled, named
+from detpg.workbench.config import Config
+from detpg.workbench.hosted import Hosted
+from detpg.workbench.session import Engine
+
+OURS = {f"detpg/{kind.__name__}-v0": name for name, kind in ENVIRONMENTS.items()}
+
+
+def engine_of(config: Config, world: Any = None) -> Engine:
+    """The engine of a configuration.
+
+    Args:
+        config: Of the run.
+        world: An environment of one's own instead of the one that is named: a record of
+            `detpg.types.Environment`, or a function that builds a `gymnasium.Env`.
+
+    Raises:
+        ValueError: A world that cannot be built or does not fit.
+    """
+    if config.data is not None:
+        from detpg.workbench.replayed import Replayed
+
+        return Replayed(config, None if config.environment is None else _world(config, world))
+    return _world(config, world)
+
+
+def _world(config: Config, world: Any) -> Compiled | Hosted:
+    if isinstance(world, Environment):
+        return Compiled(config, world)
+    name = OURS.get(str(config.environment), config.environment)
+    if world is None and name in ENVIRONMENTS:
+        return Compiled(config, named(config, name))
+    from detpg.integrations.gymnasium.worlds import open_worlds
+
+    def opened(num: int) -> Any:
+        environment = config.environment if world is None else world
+        options = None if world is not None else dict(config.environment_options)
+        return open_worlds(environment, num, options=options, time_limit=config.time_limit)
+
+    return Hosted(config, opened)

@@ -1,0 +1,277 @@
+"""Learners in worlds that the host steps: one compiled call for each step of all of them."""
+
+import dataclasses
+import functools
+from collections.abc import Callable
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int, PRNGKeyArray, PyTree
+
+from detpg import trees
+from detpg.policies import cap
+from detpg.training import StepKeys
+from detpg.types import Algorithm, Transition
+from detpg.workbench.compiled import EVALUATION, LEARNING
+from detpg.workbench.config import Config
+from detpg.workbench.play import Played, discount, worth
+from detpg.wrappers import of_each_world, several_worlds
+from detpg.wrappers.controller import in_world_units
+
+LONGEST = 100_000  # steps after which an episode of an evaluation is given up
+
+
+class HostState(eqx.Module):
+    """What is kept of a run; the worlds themselves cannot be.
+
+    Attributes:
+        learner: Seeds first; what belongs to an episode has an axis of worlds after it.
+        observation: Where the worlds stand.
+        action: Chosen there, as drawn, in units of the box.
+        steps: Taken by each learner.
+    """
+
+    learner: PyTree
+    observation: Float[Array, "seeds worlds obs"]
+    action: Float[Array, "seeds worlds act"]
+    steps: Int[Array, ""]
+
+
+class Hosted:
+    """The engine of a Gymnasium environment.
+
+    Attributes:
+        bounds: Of the actions, in the world's own units.
+        spec: Of the world, actions in units of the box.
+        exact: Whether a resumed run equals one that was never stopped.
+        resume_note: What a user is told about resuming.
+    """
+
+    exact = False
+    resume_note = (
+        "learners resume to the bit, but this world's state cannot be saved: a resumed run goes on "
+        "with a new episode"
+    )
+
+    def __init__(self, config: Config, opened: Callable[[int], Any]):
+        """Opens the worlds.
+
+        Args:
+            config: Of the run.
+            opened: A number of copies -> `integrations.gymnasium.worlds.Worlds`.
+        """
+        self._config, self._opened = config, opened
+        self._shape = config.seeds, config.num_envs
+        self._worlds = opened(config.seeds * config.num_envs)
+        self.bounds = self._worlds.spec.bounds
+        low, high = self.bounds.scaled
+        self.spec = dataclasses.replace(self._worlds.spec, action_low=low, action_high=high)
+        self._action: np.ndarray | None = None
+
+    def use(self, learner: Algorithm) -> None:
+        """The learner that is driven.
+
+        Raises:
+            ValueError: It learns from batches of one-step episodes.
+        """
+        if learner.batch_size is not None:
+            raise ValueError(
+                f"The learner takes batches of {learner.batch_size} one-step episodes of a bandit, "
+                f"but {self.spec.name!r} is a world of steps: choose another algorithm."
+            )
+        self.learner = learner
+        root = jax.random.fold_in(jax.random.key(self._config.seed), LEARNING)
+        numbers = np.arange(self._config.seeds)
+        self._keys = jax.vmap(functools.partial(jax.random.fold_in, root))(numbers)
+
+    def begin(self) -> HostState:
+        """Before the first step."""
+        keys = jax.vmap(lambda key: jax.random.split(key)[1])(self._keys)
+        worlds = self._config.num_envs
+        fresh = jax.vmap(lambda key: several_worlds(self.learner.init(key), worlds))
+        return self._started(jax.jit(fresh)(keys), step=0)
+
+    def resume(self, state: HostState, step: int) -> HostState:
+        """The learners as they were, in new episodes: traces and correlated noise start anew."""
+        mask = of_each_world(state.learner)
+        zeroed = jax.tree.map(
+            lambda leaf, each: jnp.zeros_like(leaf) if each else leaf, state.learner, mask
+        )
+        return self._started(zeroed, step)
+
+    def _started(self, learner: PyTree, step: int) -> HostState:
+        """In new episodes, whose seeds follow from the run's and from the step."""
+        seeds = [self._seed(LEARNING, step, i) for i in range(self._worlds.num)]
+        observation = self._worlds.reset(seeds).reshape(*self._shape, -1)
+
+        def act(key: PRNGKeyArray, learner: PyTree, observation: Array) -> Array:
+            keys = jax.random.split(jax.random.fold_in(key, step), self._config.num_envs)
+            return _acts(self.learner, keys, *_parted(learner), observation)
+
+        action = jax.jit(jax.vmap(act))(self._keys, learner, observation)
+        self._action = np.asarray(self._carried_out(action)).reshape(self._worlds.num, -1)
+        return HostState(learner, jnp.asarray(observation), action, jnp.asarray(step, dtype=int))
+
+    def _seed(self, *words: int) -> int:
+        return int(np.random.SeedSequence([self._config.seed, *words]).generate_state(1)[0])
+
+    def _carried_out(self, action: Array) -> Array:
+        return in_world_units(cap(action, self.spec.bounds), self.bounds)
+
+    def advance(self, state: HostState, steps: int) -> HostState:
+        """That many steps of each learner on."""
+        leaves, structure = jax.tree.flatten(state)
+        # The leaves go in and out by themselves: to flatten records at each step costs as much time
+        # as a step of a small world.
+        program, worlds, keys = self._program(structure), self._worlds, self._keys
+        size, action = self.spec.observation_size, self._action
+        seen = np.empty((worlds.num, 2 * size + 4), np.float32)
+        shaped = seen.reshape(*self._shape, -1)
+        for _ in range(steps // self._config.num_envs):
+            step = worlds.step(action)
+            seen[:, :size] = step.next_observation
+            seen[:, size:-4] = step.observation
+            seen[:, -4], seen[:, -3] = step.reward, step.terminated
+            seen[:, -2], seen[:, -1] = step.truncated, step.valid
+            leaves, chosen = program(keys, leaves, shaped)
+            action = np.asarray(chosen)
+        self._action = action
+        return jax.tree.unflatten(structure, leaves)
+
+    @functools.lru_cache(maxsize=4)  # noqa: B019  (an engine lives as long as its run)
+    def _program(self, structure: Any) -> Callable[..., Any]:
+        @jax.jit
+        def program(keys: Any, leaves: list[Array], seen: Array) -> tuple[list[Array], Array]:
+            state = jax.tree.unflatten(structure, leaves)
+            learn = functools.partial(_learn, self.learner)
+            inner = jax.vmap(learn, in_axes=(0, None, 0, 0, 0, 0))
+            learner, action = inner(
+                keys, state.steps, state.learner, state.observation, state.action, seen
+            )
+            size, num_envs = self.spec.observation_size, self._config.num_envs
+            start = seen[..., size : 2 * size]
+            after = HostState(learner, start, action, state.steps + num_envs)
+            world_action = self._carried_out(action).reshape(self._worlds.num, -1)
+            return jax.tree.leaves(after), world_action
+
+        return program
+
+    def learners(self, state: HostState) -> PyTree:
+        """States of the learners, seeds first, as they are in their first world."""
+        mask = of_each_world(state.learner)
+        return jax.tree.map(lambda x, each: x[:, 0] if each else x, state.learner, mask)
+
+    def metered(self, state: HostState) -> PyTree:
+        """States of the learners with all their worlds."""
+        return state.learner
+
+    def with_learners(self, state: HostState, learners: PyTree) -> HostState:
+        """With other states of the learners."""
+        return dataclasses.replace(state, learner=learners)
+
+    def play(self, learners: PyTree, episodes: int, seed: int) -> Played:
+        """Episodes of the mean policies in worlds of their own; their seeds are no learner's."""
+        worlds, num = self._evaluated, self._config.seeds
+        own = int(np.random.SeedSequence([seed, EVALUATION]).generate_state(1)[0])
+        observation = worlds.reset([own] * num)
+        gamma, limit = discount(self.learner), worlds.spec.time_limit
+        rows: list[list[tuple[float, ...]]] = [[] for _ in range(num)]
+        action, value = self._worth(learners, observation)
+        total, length, earned, first = (np.zeros(num) for _ in range(4))
+        first += value
+        while min(map(len, rows)) < episodes:
+            step = worlds.step(action)
+            total += step.reward
+            earned += gamma**length * step.reward
+            length += 1
+            over = step.terminated | step.truncated
+            tails = self._worth(learners, step.next_observation)[1] if over.any() else total
+            action, value = self._worth(learners, step.observation)
+            for i in np.flatnonzero(over):
+                tail = 0.0 if step.terminated[i] else gamma ** length[i] * tails[i]
+                rows[i].append((total[i], length[i], earned[i] + tail, first[i]))
+                total[i] = length[i] = earned[i] = 0.0
+                first[i] = value[i]
+            if length.max() >= min(LONGEST, limit + 1):
+                raise ValueError(
+                    f"An episode of {self.spec.name!r} did not end in {int(length.max())} steps: "
+                    "cut it with time_limit."
+                )
+        table = np.array([row[:episodes] for row in rows])
+        return Played(*np.moveaxis(table, -1, 0))
+
+    @functools.cached_property
+    def _evaluated(self) -> Any:
+        return self._opened(self._config.seeds)
+
+    def _worth(self, learners: PyTree, observation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        action, value = self._worths(learners, observation)
+        return np.asarray(action), np.asarray(value)
+
+    @functools.cached_property
+    def _worths(self) -> Callable[..., Any]:
+        def one(state: PyTree, observation: Array) -> tuple[Array, Array]:
+            action, value = worth(self.learner, state, observation)
+            return self._carried_out(action), value
+
+        return jax.jit(jax.vmap(one))
+
+    def close(self) -> None:
+        """Closes the worlds."""
+        self._worlds.close()
+        if "_evaluated" in self.__dict__:
+            self._evaluated.close()
+
+
+def _parted(learner: PyTree) -> tuple[PyTree, PyTree]:
+    """What each world has, and what they share."""
+    return eqx.partition(learner, of_each_world(learner))
+
+
+def _acts(
+    algorithm: Algorithm, keys: Any, own: PyTree, shared: PyTree, observation: Array
+) -> Float[Array, "worlds act"]:
+    """An action in each world."""
+    return jax.vmap(
+        lambda key, own, observation: algorithm.act(key, eqx.combine(own, shared), observation)
+    )(keys, own, observation)
+
+
+def _learn(
+    algorithm: Algorithm,
+    key: PRNGKeyArray,
+    steps: Int[Array, ""],
+    learner: PyTree,
+    observation: Float[Array, "worlds obs"],
+    action: Float[Array, "worlds act"],
+    seen: Float[Array, "worlds columns"],
+) -> tuple[PyTree, Float[Array, "worlds act"]]:
+    """Learns from the worlds one after another, then chooses an action in each."""
+    size = observation.shape[-1]
+    keys = jax.random.split(jax.random.fold_in(key, steps), (observation.shape[0], 4))
+    own, shared = _parted(learner)
+
+    def body(shared: PyTree, world: Any) -> tuple[PyTree, PyTree]:
+        own, key, observation, action, seen = world
+        stream, state = StepKeys(*key), eqx.combine(own, shared)
+        next_observation = seen[:size]
+        transition = Transition(
+            observation,
+            action,
+            reward=seen[-4],
+            next_observation=next_observation,
+            next_action=algorithm.act(stream.behaviour, state, next_observation),
+            terminated=seen[-3] > 0,
+            truncated=seen[-2] > 0,
+        )
+        updated, _ = algorithm.update(stream.update, state, transition)
+        # A call that only reset a world brought nothing to learn from.
+        own, shared = _parted(trees.where(seen[-1] > 0, updated, state))
+        return shared, own
+
+    shared, own = jax.lax.scan(body, shared, (own, keys, observation, action, seen))
+    chosen = _acts(algorithm, keys[:, 1], own, shared, seen[:, size : 2 * size])
+    return eqx.combine(own, shared), chosen

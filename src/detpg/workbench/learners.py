@@ -1,0 +1,159 @@
+"""From names to a learner: policy, critic, normalisers, meter."""
+
+import dataclasses
+import typing
+from typing import Any
+
+from detpg.algorithms import ALGORITHMS
+from detpg.critics import (
+    LinearStateValue,
+    MLPActionValue,
+    MLPStateValue,
+    QuadraticActionValue,
+    QuadraticStateValue,
+)
+from detpg.features import TileCoding
+from detpg.features.quadratic import QuadraticFeatures
+from detpg.policies import FeaturePolicy, LinearPolicy, MLPPolicy
+from detpg.types import Algorithm, EnvironmentSpec, Features, Policy, hyper_parameters
+from detpg.workbench.config import Config
+from detpg.wrappers import Metered, Normalised
+
+SPREAD = 3.0  # standard deviations that tiles cover, where observations are normalised
+KINDS = ("mlp", "linear", "tiles", "quadratic")
+
+
+def algorithm_class(name: str) -> type[Algorithm]:
+    """The algorithm of a registry name.
+
+    Raises:
+        ValueError: There is none; names those there are.
+    """
+    if name not in ALGORITHMS:
+        raise ValueError(f"algorithm {name!r} is unknown: choose one of {', '.join(ALGORITHMS)}.")
+    return ALGORITHMS[name]
+
+
+def parts_of(algorithm: type[Algorithm]) -> tuple[str, ...]:
+    """Which parts it is made of, among policy, action_value, state_value, features."""
+    names = [field.name for field in dataclasses.fields(typing.cast("Any", algorithm))]
+    return tuple(n for n in ("policy", "action_value", "state_value", "features") if n in names)
+
+
+def switches(algorithm: type[Algorithm]) -> dict[str, tuple[Any, Any]]:
+    """Name -> (type, default) of its options that are no numbers: bool or Literal fields."""
+    fields = dataclasses.fields(typing.cast("Any", algorithm))
+    return {
+        f.name: (f.type, f.default)
+        for f in fields
+        if f.type is bool or typing.get_origin(f.type) is typing.Literal
+    }
+
+
+def learner(config: Config, spec: EnvironmentSpec, own: Policy | None = None) -> Algorithm:
+    """The learner of a run, as the loop drives it: normalised and metered where it can be.
+
+    Args:
+        config: Of the run.
+        spec: Of the world, actions in units of its box.
+        own: The user's policy, where the configuration names one.
+
+    Raises:
+        ValueError: An option, a part or a number that does not fit; says what would.
+    """
+    inner = bare(config, spec, own)
+    if inner.batch_size is not None:
+        return inner
+    observations = config.normalise in ("observations", "both")
+    rewards = config.normalise in ("rewards", "both")
+    if observations or rewards:
+        gamma = getattr(inner, "gamma")  # noqa: B009  (not of the protocol; every such learner has it)
+        inner = Normalised.create(
+            spec, algorithm=inner, observations=observations, rewards=rewards, gamma=gamma
+        )
+    return Metered.create(spec, algorithm=inner)
+
+
+def bare(config: Config, spec: EnvironmentSpec, own: Policy | None) -> Algorithm:
+    """The algorithm itself, with its parts."""
+    kind = algorithm_class(config.algorithm)
+    _check_options(kind, config)
+    parts: dict[str, Any] = {}
+    needed = parts_of(kind)
+    if kind.__name__.startswith("Bandit"):
+        if config.policy != "auto":
+            raise ValueError(f"{config.algorithm} has a policy of its own: leave policy out.")
+        return kind.create(spec, **config.options)
+    if "policy" in needed:
+        parts["policy"] = own or _policy(config, spec)
+    if "action_value" in needed:
+        parts["action_value"] = _action_value(config, spec)
+    if "state_value" in needed:
+        parts["state_value"] = _state_value(config, spec)
+    if "features" in needed:
+        parts["features"] = _features(config, spec, own)
+    return kind.create(spec, **parts, **config.options)
+
+
+def _check_options(kind: type[Algorithm], config: Config) -> None:
+    known = [*hyper_parameters(kind), *switches(kind)]
+    for name in config.options:
+        if name not in known:
+            raise ValueError(
+                f"{name} is no option of {config.algorithm}: choose from {', '.join(known)}."
+            )
+
+
+def _policy(config: Config, spec: EnvironmentSpec) -> Policy:
+    d, m = spec.observation_size, spec.action_size
+    if config.policy in ("auto", "mlp"):
+        bounded = spec.bounds.scaled == ((-1.0,) * m, (1.0,) * m)
+        return MLPPolicy(d, m, config.hidden, output="tanh" if bounded else "linear")
+    if config.policy == "linear":
+        return LinearPolicy(d, m)
+    if config.policy == "quadratic":
+        return FeaturePolicy(QuadraticFeatures(d), m)
+    if config.policy == "tiles":
+        return FeaturePolicy(_tiles(config, spec), m)
+    raise ValueError(
+        f"policy {config.policy!r} is unknown: choose one of {', '.join(KINDS)}, or FILE.py:NAME."
+    )
+
+
+def _action_value(config: Config, spec: EnvironmentSpec) -> Any:
+    d, m = spec.observation_size, spec.action_size
+    if config.value == "mlp":
+        return MLPActionValue(d, m, config.value_units)
+    if config.value == "quadratic":
+        return QuadraticActionValue(d, m)
+    raise ValueError(
+        f"value {config.value!r} is no kind of Q(s, a) for {config.algorithm}: choose mlp or "
+        "quadratic."
+    )
+
+
+def _state_value(config: Config, spec: EnvironmentSpec) -> Any:
+    if config.value == "mlp":
+        return MLPStateValue(spec.observation_size, config.value_units)
+    if config.value == "quadratic":
+        return QuadraticStateValue(spec.observation_size)
+    return LinearStateValue(_tiles(config, spec))
+
+
+def _features(config: Config, spec: EnvironmentSpec, own: Policy | None) -> Features:
+    if own is not None or config.policy not in ("auto", "quadratic", "tiles"):
+        raise ValueError(
+            f"{config.algorithm} has a Gaussian policy that is linear in features, so policy "
+            f"{config.policy!r} does not fit: choose quadratic or tiles."
+        )
+    tiles = config.policy == "tiles"
+    return _tiles(config, spec) if tiles else QuadraticFeatures(spec.observation_size)
+
+
+def _tiles(config: Config, spec: EnvironmentSpec) -> TileCoding:
+    """Over the bounds of the observation, or what is usual where it is normalised."""
+    grid = (config.tiles,) * spec.observation_size
+    if config.normalise in ("observations", "both"):
+        ends = (SPREAD,) * spec.observation_size
+        return TileCoding(tuple(-end for end in ends), ends, grid, num_tilings=config.tilings)
+    return TileCoding.for_environment(spec, tiles=grid, num_tilings=config.tilings)

@@ -1,0 +1,147 @@
+"""A run that was trained, opened again: its policies, and what they do."""
+
+from pathlib import Path
+from typing import Any, Literal
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pyarrow as pa
+from jaxtyping import PyTree
+
+from detpg.runs import RunDirectoryError, read_arrays
+from detpg.types import Bounds, EnvironmentSpec, Policy
+from detpg.workbench.config import Config
+from detpg.workbench.engines import engine_of
+from detpg.workbench.learners import learner
+from detpg.workbench.own import needs_own
+from detpg.workbench.play import Played
+from detpg.workbench.run import BEST, LAST, found_config
+from detpg.workbench.session import controller
+from detpg.workbench.tables import evaluations_table
+from detpg.wrappers import Controller
+
+Which = Literal["best", "last"]
+
+
+class OpenedRun:
+    """A run directory, read.
+
+    Attributes:
+        path: The directory.
+        config: Of the run.
+        spec: Of the world, actions in units of the box.
+        bounds: Of the actions, in the world's own units.
+        learner: The learner, as it was trained.
+    """
+
+    def __init__(self, path: Path, policy: Policy | None = None):
+        """Reads what the run is, none of its numbers yet.
+
+        Args:
+            path: The directory.
+            policy: The user's own; code is never loaded from a run.
+
+        Raises:
+            RunDirectoryError: No run, or one with a policy of the user's that is not given.
+        """
+        found = found_config(path)
+        if found is None:
+            raise RunDirectoryError(f"{path} is no run of `detpg train`: name its folder.")
+        self.path = path
+        try:
+            self.config = Config.from_json(found["run"])
+            self.spec, self.bounds = read_spec(found["spec"])
+        except (TypeError, ValueError, KeyError) as error:
+            raise RunDirectoryError(f"{path}/config.json is damaged ({error}).") from error
+        if ".py:" in self.config.policy and policy is None:
+            raise RunDirectoryError(needs_own(path, self.config))
+        self.learner = learner(self.config, self.spec, policy)
+
+    def learners(self, which: Which) -> PyTree:
+        """States of the best or the last learners, seeds first.
+
+        Raises:
+            RunDirectoryError: They are not there yet, or damaged.
+        """
+        path = self.path / (BEST if which == "best" else LAST)
+        kept = read_arrays(path)
+        seeds = self.config.seeds
+        like = jax.eval_shape(
+            jax.vmap(self.learner.init), jax.random.split(jax.random.key(0), seeds)
+        )
+        leaves, structure = jax.tree.flatten(like)
+        names = [f"leaf{i}" for i in range(len(leaves))]
+        if kept is None or any(
+            name not in kept or kept[name].shape != leaf.shape for name, leaf in zip(names, leaves)
+        ):
+            state = "damaged" if path.exists() else "not there yet: train on"
+            raise RunDirectoryError(f"The {which} policy of {self.path} is {state}.")
+        self._best_return = kept["best_return"]
+        return structure.unflatten([jnp.asarray(kept[name]) for name in names])
+
+    def index(self, which: Which = "best", seed: int | None = None) -> int:
+        """The number of the learner that is shown: one's choice, or the best evaluated.
+
+        Raises:
+            RunDirectoryError: There is no such seed.
+        """
+        if seed is None:
+            self.learners(which)
+            return int(np.argmax(self._best_return))
+        if not 0 <= seed < self.config.seeds:
+            raise RunDirectoryError(
+                f"{self.path} has the seeds 0 to {self.config.seeds - 1}, not {seed}: give one of "
+                "them."
+            )
+        return seed
+
+    def controller(self, which: Which = "best", seed: int | None = None) -> Controller:
+        """What is deployed."""
+        number = self.index(which, seed)
+        state = jax.tree.map(lambda leaf: leaf[number], self.learners(which))
+        return controller(self.learner, state, self.bounds)
+
+    def play(self, which: Which = "best", episodes: int = 100, seed: int = 0) -> pa.Table:
+        """Episodes of all learners' mean policies: columns seed, step, episode, return, length.
+
+        Raises:
+            RunDirectoryError: There is no world to play in.
+        """
+        engine = engine_of(self.config)
+        try:
+            engine.use(self.learner)
+            played: Played | None = engine.play(self.learners(which), episodes, seed)
+        finally:
+            engine.close()
+        if played is None:
+            raise RunDirectoryError(
+                f"{self.path} was trained on logged data alone, and there is no world to play in."
+            )
+        return evaluations_table(played, self.config.steps)
+
+
+def open_run(path: Path | str, policy: Policy | None = None) -> OpenedRun:
+    """A run directory, read; see `OpenedRun`."""
+    return OpenedRun(Path(path), policy)
+
+
+def read_spec(found: dict[str, Any]) -> tuple[EnvironmentSpec, Bounds]:
+    """What `run.spec_json` wrote: the spec with actions in units of the box, and the box."""
+
+    def ends(name: str) -> tuple[float, ...]:
+        return tuple(float(x) for x in found[name])
+
+    bounds = Bounds(ends("action_low"), ends("action_high"))
+    spec = EnvironmentSpec(
+        name=str(found["name"]),
+        observation_size=int(found["observation_size"]),
+        action_size=int(found["action_size"]),
+        action_low=bounds.scaled.low,
+        action_high=bounds.scaled.high,
+        time_limit=int(found["time_limit"]),
+        discount=float(found["discount"]),
+        observation_low=ends("observation_low"),
+        observation_high=ends("observation_high"),
+    )
+    return spec, bounds

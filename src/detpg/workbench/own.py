@@ -1,0 +1,70 @@
+"""A controller of the user's own, named on the command line as FILE.py:NAME."""
+
+import importlib.util
+from pathlib import Path
+from typing import Any
+
+from detpg.types import EnvironmentSpec, Policy
+from detpg.workbench.config import Config
+
+
+def own_policy(words: str, spec: EnvironmentSpec) -> Policy:
+    """The policy that a file names: an object, or a function of the spec that builds one.
+
+    This runs the user's file, so it is done only for what the user typed, never for what a run
+    directory holds.
+
+    Args:
+        words: FILE.py:NAME.
+        spec: Of the world, actions in units of the box.
+
+    Raises:
+        ValueError: No such file or name, or what it names is no policy.
+    """
+    file, _, name = words.rpartition(":")
+    path = Path(file)
+    if not path.is_file():
+        raise ValueError(f"policy {words!r} cannot be loaded: there is no file {file!r}.")
+    found = getattr(_loaded(path, words), name, None)
+    if found is None:
+        raise ValueError(f"policy {words!r} cannot be loaded: {file} has no {name!r}.")
+    policy: Any = found if isinstance(found, Policy) else _built(found, words, spec)
+    if not isinstance(policy, Policy):
+        raise ValueError(
+            f"{words} is no policy: give an object with init(key) and __call__(theta, "
+            "observation), or a function of the environment's spec that returns one."
+        )
+    return policy
+
+
+def needs_own(path: Path, config: Config) -> str:
+    """What is said where a run's policy is the user's own and was not named again."""
+    return (
+        f"{path} was trained with a policy of your own, {config.policy}: name it again with "
+        "--own-policy; code is never loaded from a run."
+    )
+
+
+def _loaded(path: Path, words: str) -> Any:
+    module_spec = importlib.util.spec_from_file_location(path.stem, path)
+    if module_spec is None or module_spec.loader is None:
+        raise ValueError(f"policy {words!r} cannot be loaded: give a Python file.")
+    module = importlib.util.module_from_spec(module_spec)
+    try:
+        module_spec.loader.exec_module(module)
+    except Exception as error:
+        raise ValueError(
+            f"policy {words!r} cannot be loaded: {type(error).__name__}: {error}."
+        ) from error
+    return module
+
+
+def _built(found: Any, words: str, spec: EnvironmentSpec) -> Any:
+    if not callable(found):
+        return found
+    try:
+        return found(spec)
+    except Exception as error:
+        raise ValueError(
+            f"policy {words!r} cannot be built: {type(error).__name__}: {error}."
+        ) from error

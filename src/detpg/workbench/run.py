@@ -1,0 +1,293 @@
+"""A run in a directory: trained, kept at checkpoints, resumed where it stood."""
+
+import contextlib
+import json
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+import pyarrow as pa
+from jaxtyping import PyTree
+
+import detpg
+from detpg.integrations.tensorboard import Scalars
+from detpg.runs import (
+    MARK,
+    Checkpoints,
+    RunDirectoryError,
+    locked,
+    provenance,
+    write_arrays,
+    write_atomically,
+    write_json,
+)
+from detpg.types import Policy
+from detpg.workbench.config import Config
+from detpg.workbench.diagnosis import DivergedError, warnings
+from detpg.workbench.engines import engine_of
+from detpg.workbench.learners import learner
+from detpg.workbench.own import needs_own, own_policy
+from detpg.workbench.session import Interval, Kept, Session
+from detpg.workbench.tables import (
+    EVALUATIONS,
+    EVALUATIONS_SCHEMA,
+    METRICS,
+    METRICS_SCHEMA,
+    evaluations_table,
+    metrics_table,
+    read_table,
+    write_table,
+)
+
+CONFIG, CHECKPOINTS, TENSORBOARD = "config.json", "checkpoints", "tensorboard"
+BEST, LAST = "best.npz", "last.npz"
+
+
+class Progress(NamedTuple):
+    """What is told after every interval.
+
+    Attributes:
+        step: Taken by each learner.
+        steps: In all.
+        rate: Environment steps a second of all learners together, since the start or resume.
+        seconds_left: At that rate.
+        returned: Mean return of the last evaluation, over learners; None before the first.
+        messages: New ones, in words: warnings, lost learners, damaged checkpoints.
+    """
+
+    step: int
+    steps: int
+    rate: float
+    seconds_left: float
+    returned: float | None
+    messages: list[str]
+
+
+class Stopped(NamedTuple):
+    """How a run ended.
+
+    Attributes:
+        step: Where it stands.
+        finished: Whether that is its end.
+    """
+
+    step: int
+    finished: bool
+
+
+def train_in(
+    path: Path,
+    config: Config,
+    *,
+    own: Policy | str | None = None,
+    world: Any = None,
+    report: Callable[[Progress], None] = lambda progress: None,
+    should_stop: Callable[[], bool] = lambda: False,
+) -> Stopped:
+    """Trains in a directory; goes on from its newest whole checkpoint if it holds this run.
+
+    Args:
+        path: The directory; made where it is missing.
+        config: Of the run. Its steps may be more than those of an earlier session.
+        own: The user's policy, or where it stands as FILE.py:NAME.
+        world: The user's own, where the configuration names none.
+        report: Called after every interval.
+        should_stop: Asked after every interval; a run that is stopped is checkpointed first.
+
+    Raises:
+        RunDirectoryError: The directory holds another run, is in use, or cannot be written to.
+        DivergedError: No learner is finite any more.
+        ValueError: What the configuration names does not exist or does not fit.
+    """
+    engine = engine_of(config, world)
+    try:
+        if ".py:" in config.policy and own is None:
+            raise RunDirectoryError(needs_own(path, config))
+        policy = own_policy(own, engine.spec) if isinstance(own, str) else own
+        session = Session(config, engine, learner(config, engine.spec, policy))
+        with _opened(path, config, engine.spec, engine.bounds):
+            return _Recorder(path, session, report).train(should_stop)
+    except OSError as error:
+        raise RunDirectoryError(
+            f"{path} cannot be written to ({error.strerror}): make room or choose another "
+            "--output; the last checkpoint is untouched."
+        ) from error
+    finally:
+        engine.close()
+
+
+@contextlib.contextmanager
+def _opened(path: Path, config: Config, spec: Any, bounds: Any) -> Iterator[None]:
+    found = found_config(path)
+    own = {MARK: detpg.__version__, **config.identity}
+    if found is not None:
+        before = {MARK: found.get(MARK), **Config.from_json(found["run"]).identity}
+        different = [name for name in own if own[name] != before[name]]
+        if different:
+            raise RunDirectoryError(
+                f"{path} holds another run (different: {', '.join(different)}): choose another "
+                "--output."
+            )
+    path.mkdir(parents=True, exist_ok=True)
+    with locked(path):
+        content = {
+            MARK: detpg.__version__,
+            "algorithm": config.algorithm,
+            "environment": config.environment or config.data,
+            "seeds": config.seeds,
+            "run": config.as_json(),
+            "spec": spec_json(spec, bounds),
+        }
+        write_json(path / CONFIG, content)
+        if found is None:
+            about = provenance(config.as_json())
+            write_json(path / "provenance.json", about)
+            words = about["command"] + "\n"
+            write_atomically(path / "command.txt", lambda file: file.write(words.encode()))
+        yield
+
+
+def found_config(path: Path) -> dict[str, Any] | None:
+    """What `config.json` of a run directory holds; None where the directory is new or empty.
+
+    Raises:
+        RunDirectoryError: It holds something else.
+    """
+    try:
+        found = json.loads((path / CONFIG).read_text())
+        if found[MARK] and found["run"] and found["spec"]:
+            return found
+    except FileNotFoundError:
+        if not path.exists() or not any(entry.name[0] != "." for entry in path.iterdir()):
+            return None
+    except (OSError, ValueError, KeyError, TypeError):
+        pass
+    raise RunDirectoryError(f"{path} is no run of `detpg train`: name another folder.")
+
+
+def spec_json(spec: Any, bounds: Any) -> dict[str, Any]:
+    """The world's sizes and bounds as JSON types; infinite bounds as words."""
+    return {
+        "name": spec.name,
+        "observation_size": spec.observation_size,
+        "action_size": spec.action_size,
+        "action_low": [str(x) for x in bounds.low],
+        "action_high": [str(x) for x in bounds.high],
+        "time_limit": spec.time_limit,
+        "discount": spec.discount,
+        "observation_low": [str(x) for x in spec.observation_low],
+        "observation_high": [str(x) for x in spec.observation_high],
+    }
+
+
+class _Recorder:
+    """One session of a run, and all it writes."""
+
+    def __init__(self, path: Path, session: Session, report: Callable[[Progress], None]):
+        self._path, self._session, self._report = path, session, report
+        config = session.config
+        self._checkpoints = Checkpoints(path / CHECKPOINTS, config.keep_checkpoints)
+        self._told: set[tuple[int, str]] = set()
+        self._messages: list[str] = []
+        self._returned: float | None = None
+        until = self._resume()
+        self._rows = read_table(path / METRICS, METRICS_SCHEMA, until).to_pylist()
+        self._evaluations = read_table(path / EVALUATIONS, EVALUATIONS_SCHEMA, until)
+
+    def _resume(self) -> int:
+        """The step up to which what stands in the tables holds."""
+        found = self._checkpoints.restore(self._session.kept)
+        for name in self._checkpoints.damaged:
+            self._messages.append(f"checkpoint {name} is damaged: the one before it is used.")
+        if found is None:
+            return -1
+        step, kept = found
+        self._session.resume(step, Kept(*kept))
+        return step
+
+    def train(self, should_stop: Callable[[], bool]) -> Stopped:
+        """To the end, or until told to stop."""
+        session, config = self._session, self._session.config
+        with contextlib.closing(
+            Scalars(self._path / TENSORBOARD, config.seeds, session.step)
+        ) as scalars:
+            began, first = time.perf_counter(), session.step
+            if session.step == 0:
+                self._evaluated(Interval(0, [], session.evaluate([]), {}))
+            while session.step < config.steps:
+                interval = session.advance(config.steps)
+                stop = should_stop() and interval.step < config.steps
+                rate = (interval.step - first) * config.seeds / (time.perf_counter() - began)
+                self._record(interval, scalars, rate)
+                ended = stop or interval.step == config.steps
+                if ended or interval.step % config.checkpoint_every == 0:
+                    scalars.flush()
+                    self._keep()
+                self._tell(interval, rate)
+                if stop:
+                    return Stopped(interval.step, finished=False)
+        return Stopped(session.step, finished=True)
+
+    def _record(self, interval: Interval, scalars: Scalars, rate: float) -> None:
+        self._rows += interval.rows
+        for row in interval.rows:
+            named = {name: value for name, value in row.items() if "/" in name}
+            scalars.write(row["seed"], interval.step, {**named, "time/fps": rate})
+        if interval.played is not None:
+            self._evaluated(interval)
+        self._diagnose(interval)
+
+    def _evaluated(self, interval: Interval) -> None:
+        if interval.played is not None:
+            rows = evaluations_table(interval.played, interval.step)
+            self._evaluations = pa.concat_tables([self._evaluations, rows])
+            self._returned = float(interval.played.returns.mean())
+
+    def _diagnose(self, interval: Interval) -> None:
+        config = self._session.config
+        for seed, why in interval.lost.items():
+            self._say(seed, "lost", f"is lost: {why}.")
+        if len(interval.lost) == config.seeds:
+            good = self._checkpoints.steps
+            kept = f"the last good checkpoint is {good[-1]}" if good else "no checkpoint is kept"
+            raise DivergedError(
+                f"The run diverged: {interval.lost[0]}; {kept}. Lower the step sizes, or normalise "
+                "observations and rewards."
+            )
+        if interval.played is None:
+            return
+        for seed in set(range(config.seeds)) - set(interval.lost):
+            own = [row for row in self._rows if row["seed"] == seed]
+            for kind, words in warnings(own).items():
+                self._say(seed, kind, words)
+
+    def _say(self, seed: int, kind: str, words: str) -> None:
+        """Each warning once for each seed."""
+        if (seed, kind) not in self._told:
+            self._told.add((seed, kind))
+            self._messages.append(f"seed {seed}: {words}")
+
+    def _keep(self) -> None:
+        """Tables and policies first: what goes beyond the checkpoint is dropped on resuming."""
+        session = self._session
+        write_table(self._path / METRICS, metrics_table(self._rows))
+        write_table(self._path / EVALUATIONS, self._evaluations)
+        write_policy(self._path / BEST, session.kept.best, session.kept.best_return)
+        write_policy(self._path / LAST, session.learners, session.kept.best_return)
+        self._checkpoints.save(session.step, session.kept)
+
+    def _tell(self, interval: Interval, rate: float) -> None:
+        config, messages = self._session.config, self._messages
+        self._messages = []
+        left = (config.steps - interval.step) * config.seeds / rate
+        told = Progress(interval.step, config.steps, rate, left, self._returned, messages)
+        self._report(told)
+
+
+def write_policy(path: Path, learners: PyTree, best_return: Any) -> None:
+    """States of the learners, leaves by number, seeds first."""
+    leaves = {f"leaf{i}": np.asarray(leaf) for i, leaf in enumerate(jax.tree.leaves(learners))}
+    write_arrays(path, {"best_return": np.asarray(best_return), **leaves})
