@@ -7,6 +7,7 @@ Next: the action goes to the world; its parameter gradient to the features (`det
 from detpg.policies.behaviour import GaussianBehaviour, cap
 from detpg.policies.constant import ConstantPolicy
 from detpg.policies.feature_gaussian import FeatureGaussian, MeanAndWidth
+from detpg.policies.function import FunctionPolicy, from_equinox, from_flax
 from detpg.policies.gaussian import GaussianParameters, IsotropicGaussian
 from detpg.policies.linear import FeaturePolicy, LinearPolicy
 from detpg.policies.mlp import MLPPolicy
@@ -15,6 +16,7 @@ __all__ = [
     "ConstantPolicy",
     "FeatureGaussian",
     "FeaturePolicy",
+    "FunctionPolicy",
     "GaussianBehaviour",
     "GaussianParameters",
     "IsotropicGaussian",
@@ -22,4 +24,6 @@ __all__ = [
     "MLPPolicy",
     "MeanAndWidth",
     "cap",
+    "from_equinox",
+    "from_flax",
 ]
