@@ -17,7 +17,8 @@ The folders are stops on the road of the data, and imports follow it:
 
 `detpg.diagnostics` measures one's own critic against Theorem 3, and one's own actor's direction
 against the exact gradient.
-`detpg.integrations` shows the environments to other libraries, Gymnasium first.
+`detpg.workbench` trains on one's own problem: a Gymnasium environment, a controller, logged data.
+`detpg.integrations` shows the environments to other libraries, and theirs to the learners.
 `detpg.testing` checks one's own environments and algorithms against the protocols of `detpg.types`.
 """
 
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from detpg.evaluation import greedy_return
     from detpg.training import TrainState, begin, train
     from detpg.types import EnvironmentSpec, Transition
+    from detpg.workbench import Trainer
 
 __version__ = "0.1.0"
 
@@ -38,6 +40,7 @@ __all__ = [
     "ENVIRONMENTS",
     "EnvironmentSpec",
     "TrainState",
+    "Trainer",
     "Transition",
     "begin",
     "greedy_return",
@@ -49,6 +52,7 @@ _HOMES = {
     "ENVIRONMENTS": "detpg.environments",
     "EnvironmentSpec": "detpg.types",
     "TrainState": "detpg.training",
+    "Trainer": "detpg.workbench",
     "Transition": "detpg.types",
     "begin": "detpg.training",
     "greedy_return": "detpg.evaluation",

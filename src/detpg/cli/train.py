@@ -200,8 +200,9 @@ class _Shown:
             console=self._console,
             disable=not self._console.is_terminal,
         )
-        fields = {"steps": "compiling", "speed": "", "earned": ""}
-        self._task = self._bars.add_task("", total=config.steps, **fields)
+        self._task = self._bars.add_task(
+            "", total=config.steps, steps="compiling", speed="", earned=""
+        )
 
     def __enter__(self) -> "_Shown":
         self._bars.start()

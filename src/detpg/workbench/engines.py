@@ -38,9 +38,10 @@ def _world(config: Config, world: Any) -> Compiled | Hosted:
         return Compiled(config, named(config, name))
     from detpg.integrations.gymnasium.worlds import open_worlds
 
+    options = dict(config.environment_options) if world is None else None
+
     def opened(num: int) -> Any:
-        environment = config.environment if world is None else world
-        options = None if world is not None else dict(config.environment_options)
-        return open_worlds(environment, num, options=options, time_limit=config.time_limit)
+        given = str(config.environment) if world is None else world
+        return open_worlds(given, num, options=options, time_limit=config.time_limit)
 
     return Hosted(config, opened)

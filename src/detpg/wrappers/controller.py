@@ -2,7 +2,7 @@
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import PyTree
+from jaxtyping import PRNGKeyArray, PyTree
 
 from detpg.policies.behaviour import cap
 from detpg.types import Action, Algorithm, Bounds, Observation
@@ -22,8 +22,14 @@ class Controller(eqx.Module):
     bounds: Bounds = eqx.field(static=True)
 
     def __call__(self, observation: Observation) -> Action:
-        action = cap(self.algorithm.greedy(self.learner, observation), self.bounds.scaled)
-        return in_world_units(action, self.bounds)
+        return self._legal(self.algorithm.greedy(self.learner, observation))
+
+    def explore(self, key: PRNGKeyArray, observation: Observation) -> Action:
+        """An action with the noise that the learner explores with."""
+        return self._legal(self.algorithm.act(key, self.learner, observation))
+
+    def _legal(self, action: Action) -> Action:
+        return in_world_units(cap(action, self.bounds.scaled), self.bounds)
 
 
 def in_world_units(action: Action, bounds: Bounds) -> Action:

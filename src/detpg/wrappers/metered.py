@@ -1,5 +1,6 @@
 """What a run is watched by: returns, errors and warning signs, counted inside the compiled loop."""
 
+import dataclasses
 from typing import Any, ClassVar
 
 import equinox as eqx
@@ -20,6 +21,17 @@ from detpg.types import (
 
 # What became non-finite first; 0: nothing did.
 QUANTITIES = ("nothing", "observation", "action", "reward", "TD error")
+SUMS = (
+    "steps",
+    "episodes",
+    "returns",
+    "lengths",
+    "squared_errors",
+    "values",
+    "saturated",
+    "deviations",
+)
+WHOLE = ("fault", "fault_step", "age")
 EDGE = 1e-3  # of the half range: an action this near to a bound counts as on it
 
 
@@ -59,14 +71,13 @@ class Meter(eqx.Module):
     @classmethod
     def new(cls) -> "Meter":
         """Nothing seen."""
-        zero, whole = jnp.zeros(()), jnp.asarray(0, dtype=int)
-        return cls(*(zero,) * 8, *(whole,) * 3, episode_return=zero, episode_length=zero)
+        zeros = dict.fromkeys(cls.__dataclass_fields__, jnp.zeros(()))
+        return cls(**zeros | dict.fromkeys(WHOLE, jnp.asarray(0, dtype=int)))
 
     def read(self) -> "Meter":
         """The meter after it was read: sums are zero again, the episode and the faults stay."""
-        zero = jnp.zeros_like(self.steps)
-        kept = self.fault, self.fault_step, self.age, self.episode_return, self.episode_length
-        return Meter(*(zero,) * 8, *kept)
+        zeros = dict.fromkeys(SUMS, jnp.zeros_like(self.steps))
+        return dataclasses.replace(self, **zeros)
 
 
 class MeteredState(eqx.Module):

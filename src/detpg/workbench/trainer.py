@@ -1,0 +1,177 @@
+"""`Trainer`: the same runs for people who come from Stable-Baselines3."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from detpg.runs import RunDirectoryError, read_arrays, write_arrays
+from detpg.types import Policy, hyper_parameters
+from detpg.workbench.config import Config
+from detpg.workbench.diagnosis import DivergedError
+from detpg.workbench.engines import engine_of
+from detpg.workbench.learners import algorithm_class, learner, switches
+from detpg.workbench.session import Interval, Session
+
+CONFIG, STEP = "config", "step"
+OWN = "own"  # the kind of a policy that was given as an object
+
+
+class Trainer:
+    """An algorithm in a world, in memory: `learn`, `predict`, `save`, `load`.
+
+        trainer = detpg.Trainer("copdac-q", "Pendulum-v1", alpha_theta=1e-3)
+        trainer.learn(total_timesteps=100_000)
+        action, _ = trainer.predict(observation)
+
+    Attributes:
+        config: Of the run.
+        session: The learners, and all that belongs to them.
+    """
+
+    def __init__(
+        self, algorithm: str, environment: Any, *, policy: Policy | str = "auto", **settings: Any
+    ):
+        """Builds the learner; nothing is learnt yet.
+
+        Args:
+            algorithm: Registry name, such as "copdac-q".
+            environment: Registry name or Gymnasium id; an environment of `detpg.types`; or a
+                function that builds a `gymnasium.Env`.
+            policy: One's own controller, or a kind: "mlp", "linear", "quadratic", "tiles".
+            **settings: Hyper-parameters of the algorithm, and fields of `Config`.
+
+        Raises:
+            ValueError: What does not exist or does not fit, in one sentence.
+        """
+        kind = algorithm_class(algorithm)
+        own = {*hyper_parameters(kind), *switches(kind)}
+        options = {name: settings.pop(name) for name in list(settings) if name in own}
+        named = isinstance(environment, str)
+        self.config = Config.from_json(
+            {
+                "algorithm": algorithm,
+                "environment": environment if named else type(environment).__name__,
+                "options": options,
+                "policy": policy if isinstance(policy, str) else OWN,
+                **settings,
+            }
+        )
+        engine = engine_of(self.config, None if named else environment)
+        given = None if isinstance(policy, str) else policy
+        self.session = Session(self.config, engine, learner(self.config, engine.spec, given))
+        self._key = jax.random.fold_in(jax.random.key(self.config.seed), 2)
+
+    @property
+    def num_timesteps(self) -> int:
+        """Steps taken so far, by each learner."""
+        return self.session.step
+
+    def learn(
+        self, total_timesteps: int, callback: Callable[[Interval], Any] | None = None
+    ) -> "Trainer":
+        """Trains for that many further steps.
+
+        Args:
+            total_timesteps: Steps of each learner.
+            callback: Called after every interval of `log_every` steps; False stops.
+
+        Raises:
+            DivergedError: No learner is finite any more.
+            ValueError: No steps.
+        """
+        if total_timesteps < 1:
+            raise ValueError(f"total_timesteps = {total_timesteps} is not usable: give 1 or more.")
+        until = self.session.step + total_timesteps
+        while self.session.step < until:
+            interval = self.session.advance(until)
+            if len(interval.lost) == self.config.seeds:
+                raise DivergedError(f"The run diverged: {interval.lost[0]}. Lower the step sizes.")
+            if callback is not None and callback(interval) is False:
+                break
+        return self
+
+    def predict(
+        self, observation: Any, deterministic: bool = True, seed: int = 0
+    ) -> tuple[np.ndarray, None]:
+        """The action in the world's units, shape (m,), or (N, m) for N observations.
+
+        Args:
+            observation: Shape (d,) or (N, d).
+            deterministic: The mean action; else with the noise that it learns with.
+            seed: Which of several learners.
+        """
+        seen = jnp.asarray(observation, dtype=float)
+        size = self.session.engine.spec.observation_size
+        if seen.shape[-1:] != (size,) or seen.ndim > 2:
+            raise ValueError(
+                f"The observation has shape {seen.shape}: give ({size},) or (N, {size})."
+            )
+        controller = self.session.controller(self.session.learners, seed)
+        self._key, key = jax.random.split(self._key)
+        rows = jnp.atleast_2d(seen)
+        if deterministic:
+            actions = jax.vmap(controller)(rows)
+        else:
+            actions = jax.vmap(controller.explore)(jax.random.split(key, len(rows)), rows)
+        return np.asarray(actions[0] if seen.ndim == 1 else actions), None
+
+    def evaluate(self, episodes: int = 10) -> tuple[float, float]:
+        """Mean and standard deviation of the return of the mean policy, over episodes."""
+        played = self.session.engine.play(self.session.learners, episodes, self.config.seed)
+        if played is None:
+            raise ValueError("There is no world to play in: the learner has logged data alone.")
+        return float(played.returns.mean()), float(played.returns.std())
+
+    def save(self, path: str | Path) -> None:
+        """Writes all of it as one `.npz` file: to predict with, or to learn on."""
+        leaves = jax.tree.leaves(self.session.kept)
+        numbered = {f"leaf{i}": np.asarray(leaf) for i, leaf in enumerate(leaves)}
+        about = {CONFIG: np.asarray(json.dumps(self.config.as_json())), STEP: self.session.step}
+        write_arrays(_npz(path), {**about, **numbered})
+
+    @classmethod
+    def load(
+        cls, path: str | Path, environment: Any = None, policy: Policy | None = None
+    ) -> "Trainer":
+        """What `save` wrote.
+
+        Args:
+            path: The file.
+            environment: Needed where it was given as an object.
+            policy: One's own controller, where there was one; code is never loaded from a file.
+
+        Raises:
+            RunDirectoryError: The file is absent, damaged, or not of a trainer.
+            ValueError: The environment or the policy does not fit.
+        """
+        kept = read_arrays(_npz(path))
+        try:
+            settings = json.loads(str((kept or {})[CONFIG]))
+            name, world = settings.pop("algorithm"), settings.pop("environment")
+            kind = settings.pop("policy")
+            trainer = cls(name, environment or world, policy=policy or kind, **_flat(settings))
+            session = trainer.session
+            leaves, structure = jax.tree.flatten(session.kept)
+            found = [(kept or {})[f"leaf{i}"] for i in range(len(leaves))]
+        except (KeyError, TypeError) as error:
+            raise RunDirectoryError(f"{_npz(path)} is missing or no trainer's file.") from error
+        if [leaf.shape for leaf in leaves] != [leaf.shape for leaf in found]:
+            raise ValueError(
+                f"{_npz(path)} was written by a learner of other sizes: give the environment and "
+                "the policy that it was trained with."
+            )
+        session.resume(int((kept or {})[STEP]), structure.unflatten(map(jnp.asarray, found)))
+        return trainer
+
+
+def _flat(settings: dict[str, Any]) -> dict[str, Any]:
+    return {**settings, **settings.pop("options")}
+
+
+def _npz(path: str | Path) -> Path:
+    return Path(path).with_suffix(".npz")
