@@ -16,7 +16,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
-from jax.tree_util import PyTreeDef
 from jaxtyping import PRNGKeyArray, PyTree
 
 from detpg.types import Action, Observation
@@ -39,7 +38,7 @@ class Constant:
 class Constants:
     """A tree by value: arrays as `Constant`, all else as it is."""
 
-    structure: PyTreeDef
+    structure: Any
     leaves: tuple[Any, ...]
 
     @classmethod
@@ -239,7 +238,7 @@ def _constant(leaf: Any) -> Any:
 
 
 def _floats(theta: PyTree) -> Constants:
-    """Of parameters that were given: each leaf in double precision, so that equal ones are equal."""
+    """Of parameters that were given: in double precision, so that equal numbers are equal."""
     _check_floats(theta)
     kept = Constants.of(theta)
     return Constants.of(jax.tree.map(lambda x: np.asarray(x, np.float64), kept.tree()))

@@ -1,0 +1,45 @@
+"""Where the data lie: a Parquet file, a folder, a Minari data set by its folder or name."""
+
+from pathlib import Path
+
+from detpg.integrations.logged import parquet
+from detpg.integrations.logged.assembling import assembled
+from detpg.integrations.logged.parts import Part
+from detpg.replaying import Logged
+from detpg.types import Bounds
+
+
+def read(path: str | Path, bounds: Bounds | None = None) -> Logged:
+    """Reads logged transitions.
+
+    Args:
+        path: A Parquet file, a folder of them, the folder of a Minari data set, or the name of a
+            local one. docs/logged_data.md names the columns.
+        bounds: The box of legal actions, in the data's units; what the data say, when not given,
+            and else the least and greatest action in them, with a warning.
+
+    Raises:
+        ValueError: Says what is wrong with the data, where, and how to mend it.
+    """
+    parts, said = _parts(path)
+    return assembled(str(path), parts, bounds or said)
+
+
+def _parts(path: str | Path) -> tuple[list[Part], Bounds | None]:
+    place = Path(path)
+    if place.is_file():
+        return parquet.parts([place])
+    if place.suffix == ".parquet" and not place.exists():
+        raise ValueError(f"There is no file {path}: give the path of one.")
+    if not place.exists() or (place / "data" / "metadata.json").exists():
+        # The only place that needs the package, which brings h5py along.
+        from detpg.integrations.logged import minari
+
+        return minari.parts(str(path))
+    files = sorted(file for file in place.rglob("*.parquet") if not file.name.startswith("."))
+    if not files:
+        raise ValueError(
+            f"{path} holds no Parquet file and is no Minari data set: give a file *.parquet, a "
+            "folder with such files, or a data set's name or folder."
+        )
+    return parquet.parts(files)
