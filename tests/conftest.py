@@ -17,7 +17,7 @@ import jaxtyping
 import pytest
 
 CORE = "types checks trees polynomials environments policies features critics actors"
-CORE += " algorithms training replaying evaluation diagnostics theorems"
+CORE += " algorithms training wrappers replaying evaluation diagnostics theorems"
 jaxtyping.install_import_hook([f"detpg.{name}" for name in CORE.split()], "beartype.beartype")
 
 jax.config.update("jax_numpy_dtype_promotion", "strict")

@@ -25,6 +25,8 @@ against the exact gradient.
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from detpg.version import __version__ as __version__
+
 if TYPE_CHECKING:
     from detpg.algorithms import ALGORITHMS
     from detpg.environments import ENVIRONMENTS
@@ -32,8 +34,6 @@ if TYPE_CHECKING:
     from detpg.training import TrainState, begin, train
     from detpg.types import EnvironmentSpec, Transition
     from detpg.workbench import Trainer
-
-__version__ = "0.1.0"
 
 __all__ = [
     "ALGORITHMS",

@@ -11,8 +11,8 @@ from typing import IO, Any
 
 import numpy as np
 
-import detpg
 from detpg.runs.lock import RunDirectoryError, locked
+from detpg.version import __version__
 
 CONFIG, SUMMARY, SHARDS = "config.json", "summary.json", "shards"
 WRITTEN = (
@@ -57,7 +57,7 @@ class RunDirectory:
     def __init__(self, path: Path, config: dict[str, Any]):
         """Names a directory and the configuration it must hold; touches nothing."""
         self.path = path
-        self.config = {MARK: detpg.__version__, **config}
+        self.config = {MARK: __version__, **config}
 
     @property
     def finished(self) -> bool:

@@ -46,7 +46,8 @@ def _unit(learner: Any, state: Any) -> Number:
     if isinstance(learner, Metered):
         return _unit(learner.algorithm, state.learner)
     if isinstance(learner, Normalised) and learner.rewards:
-        return state.returns.deviation
+        deviation = state.returns.deviation
+        return jnp.where(jnp.isfinite(deviation), deviation, jnp.ones_like(deviation))
     return jnp.ones(())
 
 

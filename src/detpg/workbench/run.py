@@ -12,7 +12,6 @@ import numpy as np
 import pyarrow as pa
 from jaxtyping import PyTree
 
-import detpg
 from detpg.integrations.tensorboard import Scalars
 from detpg.runs import (
     MARK,
@@ -25,6 +24,7 @@ from detpg.runs import (
     write_json,
 )
 from detpg.types import Policy
+from detpg.version import __version__
 from detpg.workbench.config import Config
 from detpg.workbench.diagnosis import DivergedError, warnings
 from detpg.workbench.engines import engine_of
@@ -122,7 +122,7 @@ def train_in(
 @contextlib.contextmanager
 def _opened(path: Path, config: Config, spec: Any, bounds: Any) -> Iterator[None]:
     found = found_config(path)
-    own = {MARK: detpg.__version__, **config.identity}
+    own = {MARK: __version__, **config.identity}
     if found is not None:
         before = {MARK: found.get(MARK), **Config.from_json(found["run"]).identity}
         different = [name for name in own if own[name] != before[name]]
@@ -134,7 +134,7 @@ def _opened(path: Path, config: Config, spec: Any, bounds: Any) -> Iterator[None
     path.mkdir(parents=True, exist_ok=True)
     with locked(path):
         content = {
-            MARK: detpg.__version__,
+            MARK: __version__,
             "algorithm": config.algorithm,
             "environment": config.environment or config.data,
             "seeds": config.seeds,
@@ -191,7 +191,8 @@ class _Recorder:
         config = session.config
         self._checkpoints = Checkpoints(path / CHECKPOINTS, config.keep_checkpoints)
         self._told: set[tuple[int, str]] = set()
-        self._messages: list[str] = []
+        engine = session.engine
+        self._messages = [] if engine.exact else [f"{engine.spec.name}: {engine.resume_note}."]
         self._returned: float | None = None
         until = self._resume()
         self._rows = read_table(path / METRICS, METRICS_SCHEMA, until).to_pylist()

@@ -130,7 +130,8 @@ class Session:
         for row, change in zip(rows, changes):
             row["train/policy_change"] = float(change)
         self.kept = self.kept._replace(judged=learners)
-        if played is None:
+        if played is None:  # nothing judges: the last is the best that is known
+            self.kept = self.kept._replace(best=learners)
             return None
         critic, returns = bias(played), played.returns.mean(axis=1)
         for i, row in enumerate(rows):
@@ -157,7 +158,7 @@ class Session:
         if not isinstance(self.learner, Metered):
             return [{"seed": i, "step": self.step} for i in range(self.config.seeds)]
         learners = self.engine.metered(self.kept.state)
-        rows = read_meter(learners.meter)
+        rows = read_meter(learners.meter, acted=self.config.data is None)
         fresh = dataclasses.replace(learners, meter=jax.vmap(lambda m: m.read())(learners.meter))
         state = self.engine.with_learners(self.kept.state, fresh)
         self.kept = self.kept._replace(state=state)

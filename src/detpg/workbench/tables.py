@@ -39,11 +39,12 @@ EVALUATIONS_SCHEMA = pa.schema(
 )
 
 
-def read_meter(meter: Any) -> list[dict[str, float | None]]:
+def read_meter(meter: Any, acted: bool) -> list[dict[str, float | None]]:
     """A row of metrics for each seed; None where no episode ended.
 
     Args:
         meter: `wrappers.Meter`, seeds first.
+        acted: Whether the learner lived the episodes; logged transitions are in no order.
     """
     sums = {name: np.asarray(getattr(meter, name), float) for name in meter.__dataclass_fields__}
     steps = np.maximum(sums["steps"], 1.0)
@@ -57,7 +58,7 @@ def read_meter(meter: Any) -> list[dict[str, float | None]]:
     for i, episodes in enumerate(sums["episodes"]):
         row: dict[str, float | None] = {name: float(found[i]) for name, found in means.items()}
         for name, column in (("rew", "returns"), ("len", "lengths")):
-            mean = float(sums[column][i] / episodes) if episodes else None
+            mean = float(sums[column][i] / episodes) if episodes and acted else None
             row[f"rollout/ep_{name}_mean"] = mean
         rows.append(row)
     return rows

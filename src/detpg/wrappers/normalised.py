@@ -15,6 +15,7 @@ from detpg.types import (
     Number,
     Observation,
     Transition,
+    check_hyper,
     hyper,
     of_episode,
 )
@@ -44,11 +45,10 @@ class Moments(eqx.Module):
 
     @property
     def deviation(self) -> Float[Array, "..."]:
-        """The standard deviation; 1 before two values were seen."""
+        """The standard deviation; infinite before two values were seen, so that all counts 0."""
         variance = self.squares / jnp.maximum(self.count, 1.0)
-        return jnp.sqrt(
-            jnp.where(self.count < 2, jnp.ones_like(variance), variance) + LEAST_VARIANCE
-        )
+        known = jnp.where(self.count < 2, jnp.full_like(variance, jnp.inf), variance)
+        return jnp.sqrt(known + LEAST_VARIANCE)
 
 
 class NormalisedState(eqx.Module):
@@ -85,6 +85,7 @@ class Normalised(eqx.Module):
     gamma: Number = hyper("discount of the running return", 0.99, 0.0, 1.0)
 
     def __check_init__(self):
+        check_hyper(self)
         if self.algorithm.batch_size is not None:
             raise ValueError(
                 f"The learner takes {self.algorithm.batch_size} transitions per update, but only "
