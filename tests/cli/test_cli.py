@@ -46,7 +46,10 @@ def test_help_does_not_import_jax():
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
-@pytest.mark.parametrize("command", [(), ("reproduce",), ("verify",), ("render",), ("list",)])
+COMMANDS = ("reproduce", "verify", "render", "check-env", "list")
+
+
+@pytest.mark.parametrize("command", [(), *((name,) for name in COMMANDS)])
 def test_every_command_has_help(command: tuple[str, ...]):
     done = detpg(*command, "--help")
     assert done.returncode == 0

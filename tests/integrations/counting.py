@@ -4,7 +4,8 @@ import gymnasium
 import numpy as np
 from gymnasium.spaces import Box
 
-# How the episodes of `Counting` end, in turn: (terminated, truncated) after so many steps.
+# How the episodes of `Counting` end, in turn: (terminated, truncated) after so many steps. The seed
+# says which comes first, so that worlds side by side end apart.
 ENDS = ((3, True, False), (2, False, True), (4, True, True))
 
 
@@ -32,7 +33,7 @@ class Counting(gymnasium.Env):
         assert action in self.action_space
         self.actions.append(action)
         self.steps += 1
-        length, terminated, truncated = ENDS[self.episode % len(ENDS)]
+        length, terminated, truncated = ENDS[(self.episode + self.seed) % len(ENDS)]
         over = self.steps == length
         reward = 10 * self.episode + self.steps + float(np.sum(action))
         return self.seen(), reward, terminated and over, truncated and over, {}

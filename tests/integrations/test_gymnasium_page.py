@@ -55,10 +55,12 @@ def test_its_code_runs(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(other, "DDPG", StandIn, raising=False)
     monkeypatch.setitem(sys.modules, "stable_baselines3", other)
     blocks = re.findall(r"```python\n(.*?)```", PAGE.read_text(), flags=re.DOTALL)
-    assert len(blocks) == 3
+    assert len(blocks) == 4
     names: dict = {}
     for block in blocks:
         exec(compile(block, str(PAGE), "exec"), names)
     assert names["observations"].shape == (256, 50)
     assert names["step"][0].shape == (256, 50)
     assert names["action"].shape == (20,)
+    assert names["problems"] == []
+    assert names["outcome"].next_observation.shape == names["starts"].shape == (4, 3)

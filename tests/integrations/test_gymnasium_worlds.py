@@ -42,7 +42,7 @@ def by_hand(seed, steps, action=0.5):
     """What `transitions` finds in one world, from the definition of `Counting`."""
     found, episode, at = [], 0, 0
     for _ in range(steps):
-        length, terminated, truncated = ENDS[episode % len(ENDS)]
+        length, terminated, truncated = ENDS[(episode + seed) % len(ENDS)]
         over = at + 1 == length
         reward = 10.0 * episode + at + 1 + action
         ends = terminated and over, truncated and over
@@ -92,15 +92,15 @@ def test_pendulum_is_what_a_loop_by_hand_gives(num):
 @pytest.mark.parametrize("mode", MODES)
 def test_the_next_observation_is_the_one_before_the_reset(mode):
     worlds = opened(mode, 1)
-    worlds.reset([4])
+    worlds.reset([6])
     for _ in range(3):
         step = worlds.step([[0.0]])
     assert step.terminated.all()
-    np.testing.assert_array_equal(step.next_observation, [[4, 0, 3]])
+    np.testing.assert_array_equal(step.next_observation, [[6, 0, 3]])
     if mode == AutoresetMode.NEXT_STEP:
         step = worlds.step([[0.0]])
         assert not np.any([step.valid, step.terminated, step.truncated, step.reward])
-    np.testing.assert_array_equal(step.observation, [[4, 1, 0]])
+    np.testing.assert_array_equal(step.observation, [[6, 1, 0]])
 
 
 def test_what_is_handed_on_stays():
@@ -116,10 +116,24 @@ def test_what_is_handed_on_stays():
     # In SAME_STEP Gymnasium itself resets before it hands the last observation on.
     for mode in (None, AutoresetMode.NEXT_STEP, AutoresetMode.DISABLED):
         worlds = opened(mode, 1, Reusing)
-        first = worlds.reset([1])
+        first = worlds.reset([3])
         steps = [worlds.step([[0.0]]) for _ in range(4)]
-        assert first.tolist() == [[1, 0, 0]]
+        assert first.tolist() == [[3, 0, 0]]
         assert [s.next_observation[0, 2] for s in steps[:3]] == [1, 2, 3]
+
+
+def test_only_the_copies_that_began_anew_are_looked_at():
+    class Forgetful(SyncVectorEnv):
+        """After a reset of some copies, says nothing of the others."""
+
+        def reset(self, *, seed=None, options=None):
+            mask = (options or {}).get("reset_mask", np.ones(self.num_envs, bool)).copy()
+            seen, info = super().reset(seed=seed, options=options)
+            return np.where(mask[:, None], seen, np.nan), info
+
+    worlds = open_worlds(Forgetful([Counting] * 2, autoreset_mode=AutoresetMode.DISABLED))
+    for found, seed in zip(transitions(worlds, [7, 9], 20), (7, 9)):
+        assert found == by_hand(seed, 20)
 
 
 NESTED = spaces.Dict(

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import tyro
 
+from detpg.cli.check_env import CheckEnv
 from detpg.cli.errors import UserError
 from detpg.cli.list_command import List
 from detpg.cli.render import Render
@@ -23,6 +24,7 @@ Command: Any = (
     | Annotated[Reproduce, tyro.conf.subcommand("reproduce")]
     | Annotated[Verify, tyro.conf.subcommand("verify")]
     | Annotated[Render, tyro.conf.subcommand("render")]
+    | Annotated[CheckEnv, tyro.conf.subcommand("check-env")]
     | Annotated[List, tyro.conf.subcommand("list")]
 )
 
@@ -35,6 +37,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
     _prepare_jax()
+    _find_own_modules()
     trains = words[:1] == ["train"]
     command = tyro.cli(
         train_command() if trains else Command,
@@ -65,6 +68,13 @@ def _prepare_jax() -> None:
         os.environ["XLA_FLAGS"] = f"{flags} {flag}".strip()
     os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(_cache_folder() / "jax"))
     os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.2")
+
+
+def _find_own_modules() -> None:
+    """An environment of one's own, `mine:World-v0`, lies where the command is called."""
+    here = str(Path.cwd())
+    if here not in sys.path and "" not in sys.path:
+        sys.path.append(here)
 
 
 def _cache_folder() -> Path:

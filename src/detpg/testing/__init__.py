@@ -1,16 +1,20 @@
 """Conformance: does one's own environment or algorithm keep the protocols of `detpg.types`?
 
-    from detpg.testing import check_algorithm, check_environment
+    from detpg.testing import check_algorithm, check_environment, check_gymnasium
 
     check_environment(MyEnvironment())
     check_algorithm(MyAlgorithm.create(MyEnvironment().spec), MyEnvironment())
+    findings = check_gymnasium("mine:MyWorld-v0")
 
 In: a record. Out: nothing, or an `AssertionError` of one sentence: what was found, what was
 expected, how to mend it. What is checked is what batching a study over seeds and hyper-parameters,
-and resuming it from files, depends on.
+and resuming it from files, depends on. Of a Gymnasium environment: a list of findings, for what
+stands in the way of learning is not always a mistake.
 """
 
 from detpg.testing.algorithm import check_algorithm
 from detpg.testing.environment import check_environment
+from detpg.testing.findings import Finding
+from detpg.testing.gymnasium_world import check_gymnasium
 
-__all__ = ["check_algorithm", "check_environment"]
+__all__ = ["Finding", "check_algorithm", "check_environment", "check_gymnasium"]

@@ -42,7 +42,7 @@ class FlatObservations:
     def rows(self, num: int) -> tuple[np.ndarray, np.ndarray]:
         """An empty array (num, d) and the same memory in the shape that `put` writes to."""
         memory = np.empty((num, *self._shape), np.float32)
-        return memory.reshape(num, self.size), memory
+        return memory if memory.ndim == 2 else memory.reshape(num, self.size), memory
 
     def put(self, memory: np.ndarray, i: int, observation: Any) -> None:
         """Writes one observation; what a world does to its own array later is not seen."""
@@ -107,7 +107,7 @@ class FlatActions:
         if given.shape != self._shape:
             raise ValueError(f"Actions have shape {given.shape}: give them as {self._shape}.")
         inside = np.minimum(np.maximum(given, self._low), self._high)
-        if not (inside == given).all():
+        if np.count_nonzero(inside != given):  # a NaN too
             self._check_rounding(given, inside)
         return inside.reshape(self._batch_shape)
 

@@ -16,7 +16,7 @@ from detpg.integrations.gymnasium.batched import BatchedWorlds
 from detpg.integrations.gymnasium.hosted import NO_TIME_LIMIT, Step, Worlds, sentence
 from detpg.integrations.gymnasium.plain import PlainWorlds
 
-__all__ = ["NO_TIME_LIMIT", "Step", "Worlds", "open_worlds"]
+__all__ = ["NO_TIME_LIMIT", "Step", "Worlds", "build", "open_worlds"]
 
 Options = dict[str, Any]
 
@@ -54,7 +54,7 @@ def open_worlds(
     try:
         for i in range(num):
             mode = {"render_mode": render_mode} if render_mode is not None and i == 0 else {}
-            made.append(_made(environment, {**(options or {}), **mode}, time_limit))
+            made.append(build(environment, {**(options or {}), **mode}, time_limit))
             if isinstance(made[0], VectorEnv):
                 return _taken(made[0], num, time_limit)
         return PlainWorlds(made)
@@ -64,8 +64,12 @@ def open_worlds(
         raise
 
 
-def _made(make: str | Callable[..., Any], options: Options, time_limit: int | None) -> Any:
-    """One environment; whatever stops it from being built is told in one sentence."""
+def build(make: str | Callable[..., Any], options: Options, time_limit: int | None) -> Any:
+    """One environment, or a vector environment, from what makes it.
+
+    Raises:
+        ValueError: Whatever stops it from being built, in one sentence.
+    """
     name = make if isinstance(make, str) else getattr(make, "__name__", type(make).__name__)
     try:
         if isinstance(make, str):

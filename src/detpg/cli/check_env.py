@@ -1,0 +1,109 @@
+"""`detpg check-env`: what stands in the way of learning in an environment."""
+
+import dataclasses
+import json
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from detpg.cli.errors import UserError
+
+if TYPE_CHECKING:
+    from detpg.testing import Finding
+
+STYLES = {"problem": "bold red", "warning": "yellow", "fine": "green"}
+
+
+@dataclasses.dataclass(frozen=True)
+class CheckEnv:
+    """Plays an environment at random and says what may stand in the way of learning, in words.
+
+    Ends with exit code 1 if there is a problem; warnings alone end with 0.
+    """
+
+    environment: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="ENVIRONMENT")]
+    """A Gymnasium id, such as Pendulum-v1 or mine:World-v0, or a name of `detpg list`."""
+
+    steps: Annotated[int, tyro.conf.arg(metavar="N")] = 2000
+    """Random actions to try, 1 or more."""
+
+    seed: Annotated[int, tyro.conf.arg(metavar="N")] = 0
+    """Of everything random, 0 to 2147483647."""
+
+    time_limit: Annotated[
+        int | None, tyro.conf.arg(metavar="N", help_behavior_hint="(default: the registered one)")
+    ] = None
+    """Steps after which an episode is truncated, 1 or more."""
+
+    json: bool = False
+    """Print JSON instead of a table."""
+
+    def run(self) -> None:
+        """Checks the environment and prints what was found.
+
+        Raises:
+            UserError: A number that cannot be used, or an environment that cannot be built.
+            SystemExit: With code 1 if there is a problem.
+        """
+        ranges = {"steps": (1, 10**9), "seed": (0, 2**31 - 1), "time_limit": (1, 2**31 - 1)}
+        for name, (low, high) in ranges.items():
+            value = getattr(self, name)
+            if value is not None and not low <= value <= high:
+                flag = name.replace("_", "-")
+                raise UserError(f"--{flag} {value} cannot be used: give {low} to {high}.")
+        findings = self._findings()
+        if self.json:
+            _print_json(self.environment, findings)
+        else:
+            _print_table(self.environment, findings)
+        if any(finding.level == "problem" for finding in findings):
+            raise SystemExit(1)
+
+    def _findings(self) -> "list[Finding]":
+        from detpg.environments import ENVIRONMENTS
+        from detpg.testing import check_gymnasium
+
+        if self.environment in ENVIRONMENTS:
+            return _conformance(self.environment)
+        try:
+            return check_gymnasium(
+                self.environment, steps=self.steps, seed=self.seed, time_limit=self.time_limit
+            )
+        except ValueError as error:
+            raise UserError(str(error)) from error
+
+
+def _conformance(name: str) -> "list[Finding]":
+    """Of this library's own environments: do they keep the protocol?"""
+    from detpg.environments import ENVIRONMENTS
+    from detpg.testing import Finding, check_environment
+
+    try:
+        check_environment(ENVIRONMENTS[name]())
+    except AssertionError as error:
+        return [Finding("problem", "conformance", str(error))]
+    return [Finding("fine", "conformance", "It keeps the protocol detpg.types.Environment.")]
+
+
+def _print_json(environment: str, findings: "list[Finding]") -> None:
+    found = [dataclasses.asdict(finding) for finding in findings]
+    print(json.dumps({"environment": environment, "findings": found}, indent=2))
+
+
+def _print_table(environment: str, findings: "list[Finding]") -> None:
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.table import Table
+
+    table = Table(title=environment, title_justify="left", show_lines=True)
+    table.add_column("level", no_wrap=True)
+    table.add_column("what", ratio=1)
+    table.add_column("found", ratio=3)
+    table.add_column("what to do", ratio=3)
+    for finding in findings:
+        level = f"[{STYLES[finding.level]}]{finding.level}[/]"
+        table.add_row(level, *map(escape, (finding.check, finding.found, finding.advice)))
+    console = Console()
+    console.print(table)
+    levels = [finding.level for finding in findings]
+    console.print(f"{levels.count('problem')} problems, {levels.count('warning')} warnings")

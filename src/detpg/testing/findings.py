@@ -1,0 +1,39 @@
+"""What a check of somebody else's world found: levels, words, advice."""
+
+import dataclasses
+from typing import Literal
+
+Level = Literal["problem", "warning", "fine"]
+
+
+@dataclasses.dataclass(frozen=True)
+class Finding:
+    """One thing that was looked at.
+
+    Attributes:
+        level: "problem": learning fails or learns something else; "warning": it may be harder than
+            it need be; "fine".
+        check: What was looked at.
+        found: What there is, in a sentence.
+        advice: What to do about it; empty where there is nothing to do.
+    """
+
+    level: Level
+    check: str
+    found: str
+    advice: str = ""
+
+
+def problem(check: str, found: str, advice: str) -> Finding:
+    """Learning fails, or learns something else."""
+    return Finding("problem", check, found, advice)
+
+
+def warning(check: str, found: str, advice: str) -> Finding:
+    """Learning may be harder than it need be."""
+    return Finding("warning", check, found, advice)
+
+
+def fine(check: str, found: str) -> Finding:
+    """Nothing to do."""
+    return Finding("fine", check, found)

@@ -1,0 +1,441 @@
+"""Each finding of `check_gymnasium` against a world with that fault, and a world without any."""
+
+import gymnasium
+import numpy as np
+import pytest
+from counting import Spaced
+from gymnasium.spaces import Box, Dict, Discrete, Text
+from gymnasium.vector import SyncVectorEnv
+from gymnasium.wrappers import TimeLimit
+
+from detpg.testing import Finding, check_gymnasium
+
+LENGTH = 20
+
+
+class Point(gymnasium.Env):
+    """A point that is pushed about, with noise, and earns by being near 0: nothing is wrong."""
+
+    observation_space = Box(-10.0, 10.0, (2,))
+    action_space = Box(-1.0, 1.0, (1,))
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        self.place = self.np_random.uniform(-1, 1, 2).astype(np.float32)
+        self.steps = 0
+        return self.place.copy(), {}
+
+    def step(self, action):
+        self.steps += 1
+        noise = 0.1 * self.np_random.normal(size=2)
+        self.place = np.clip(0.9 * self.place + action + noise, -10, 10).astype(np.float32)
+        return self.place.copy(), self.reward(), False, False, {}
+
+    def reward(self):
+        return -float(np.sum(self.place**2))
+
+
+def checked(make, limit=LENGTH, steps=400, **options):
+    return check_gymnasium(make, time_limit=limit, steps=steps, **options)
+
+
+def of(findings, check) -> Finding:
+    (found,) = [finding for finding in findings if finding.check == check]
+    return found
+
+
+def bad(findings) -> dict[str, str]:
+    return {f.check: f.level for f in findings if f.level != "fine" and "Gymnasium" not in f.check}
+
+
+def test_a_world_without_fault_is_fine():
+    findings = checked(Point)
+    assert bad(findings) == {}
+    assert [finding.level for finding in findings] == ["fine"] * 10
+    assert len({finding.check for finding in findings}) == 10
+    assert not any(finding.advice for finding in findings)
+    assert of(findings, "episodes").found == (
+        "Episodes that ended: 20, of length 20; the time limit is 20."
+    )
+
+
+def test_an_environment_that_is_given_is_left_open():
+    closed = []
+
+    class Closing(Point):
+        def close(self):
+            closed.append(self)
+
+    world = TimeLimit(Closing(), LENGTH)
+    assert bad(checked(world, None)) == {}
+    assert bad(checked(Closing(), LENGTH)) == {}
+    assert closed == []
+    checked(Closing)
+    assert len(closed) == 1
+
+
+class Unseeded(Point):
+    def step(self, action):
+        seen, reward, *rest = super().step(action)
+        return seen, reward + 1e-12 * np.random.default_rng().normal(), *rest
+
+
+class Remembering(Point):
+    """What is changed by a step is not put back by a reset."""
+
+    wear = 0.0
+
+    def step(self, action):
+        self.wear += 1e-3
+        seen, reward, *rest = super().step(action)
+        return seen, reward - self.wear, *rest
+
+
+class UnseededReset(Point):
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        self.place = np.random.default_rng().uniform(-1, 1, 2).astype(np.float32)
+        return self.place.copy(), {}
+
+
+@pytest.mark.parametrize(
+    ("make", "where"),
+    [(Unseeded, "at step 1"), (Remembering, "at step 1"), (UnseededReset, "at the reset")],
+)
+def test_the_same_seed_gives_something_else(make, where):
+    findings = checked(make)
+    assert bad(findings) == {"same seed": "problem"}
+    found = of(findings, "same seed")
+    assert found.found == f"The same seed and the same actions gave something else {where}."
+    assert "self.np_random" in found.advice
+    assert all(finding.check != "action" for finding in findings)  # nothing can be said of it
+
+
+@pytest.mark.parametrize(
+    ("members", "found"),
+    [
+        ({"of_reward": True, "value": np.nan}, "The reward of step 3 was nan."),
+        ({"of_reward": True, "value": -np.inf}, "The reward of step 3 was -inf."),
+        ({"of_reward": False, "value": np.nan}, "Component 1 of an observation was nan."),
+    ],
+)
+def test_numbers_that_are_not_finite(members, found):
+    class Broken(Point):
+        def step(self, action):
+            seen, reward, *rest = super().step(action)
+            if self.steps == 3 and members["of_reward"]:
+                reward = members["value"]
+            if self.steps == 3 and not members["of_reward"]:
+                seen[1] = members["value"]
+            return seen, reward, *rest
+
+    findings = checked(Broken)
+    assert bad(findings) == {"finite numbers": "problem"}
+    assert of(findings, "finite numbers").found == found
+
+
+class Outside(Point):
+    observation_space = Box(-0.5, 10.0, (2,))
+
+
+class Double(Point):
+    def step(self, action):
+        seen, *rest = super().step(action)
+        return seen.astype(np.float64), *rest
+
+
+class Unlisted(Point):
+    """A Discrete part with a value that is none of its values."""
+
+    observation_space = Dict(place=Box(-10.0, 10.0, (2,)), which=Discrete(2, start=1))
+
+    def reset(self, *, seed=None, options=None):
+        seen, info = super().reset(seed=seed)
+        return {"place": seen, "which": np.int64(1)}, info
+
+    def step(self, action):
+        seen, *rest = super().step(action)
+        return {"place": seen, "which": np.int64(0 if self.steps == 7 else 1)}, *rest
+
+
+def test_observations_outside_their_space():
+    findings = checked(Outside)
+    assert bad(findings) == {"observation space": "problem"}
+    found = of(findings, "observation space").found
+    assert found.startswith("In an observation, component ")
+    assert found.endswith("outside [-0.5, 10].")
+    findings = checked(Double)
+    assert bad(findings) == {"observation space": "warning"}
+    assert of(findings, "observation space").found == (
+        "In an observation, the dtype is float64, not float32."
+    )
+    findings = checked(Unlisted)
+    assert bad(findings)["observation space"] == "warning"
+    assert "is not in Dict" in of(findings, "observation space").found
+
+
+class Scaled(Point):
+    observation_space = Box(-np.inf, np.inf, (3,))
+    units, reward_unit = np.array([100.0, 1.0, 0.001]), 1.0
+
+    def reset(self, *, seed=None, options=None):
+        seen, info = super().reset(seed=seed)
+        return self.scaled(seen), info
+
+    def step(self, action):
+        seen, reward, *rest = super().step(action)
+        return self.scaled(seen), self.reward_unit * reward, *rest
+
+    def scaled(self, seen):
+        return (np.append(seen, seen[0]) * self.units).astype(np.float32)
+
+
+class Costly(Point):
+    def reward(self):
+        return 100 * super().reward()
+
+
+class Cheap(Point):
+    def reward(self):
+        return 1e-4 * super().reward()
+
+
+class Still(Scaled):
+    units = np.array([1.0, 1.0, 0.0])
+
+
+def test_scales_that_need_a_normaliser():
+    findings = checked(Scaled)
+    assert bad(findings) == {"observation scale": "warning"}
+    found = of(findings, "observation scale").found
+    assert found.startswith("Far from a size of 1 (root mean square): component 0 (")
+    assert ", 2 (0.0" in found
+    assert ", 1 (" not in found
+    for make in (Costly, Cheap):
+        findings = checked(make)
+        assert bad(findings) == {"reward scale": "warning"}
+        assert "detpg.wrappers.Normalised" in of(findings, "reward scale").advice
+    findings = checked(Still)
+    assert bad(findings) == {"observation scale": "warning"}
+    assert of(findings, "observation scale").found == "It never changed in 400 steps: component 2."
+
+
+class Unbounded(Point):
+    action_space = Box(np.float32([-1.0]), np.float32([np.inf]))
+
+    def step(self, action):
+        return super().step(np.tanh(action))
+
+
+class Wide(Point):
+    action_space = Box(-1e8, 1e8, (1,))
+
+    def step(self, action):
+        return super().step(action / 1e8)
+
+
+def test_actions_without_scale():
+    findings = checked(Unbounded)
+    assert bad(findings) == {"action bounds": "warning"}
+    assert of(findings, "action bounds").found.startswith("Component 0 of the action has no bound")
+    findings = checked(Wide)
+    assert bad(findings) == {"action bounds": "warning"}
+    assert of(findings, "action bounds").found.endswith("ranges from -1e+08 to 1e+08.")
+
+
+class Falling(Point):
+    """Ends by itself, sooner or later."""
+
+    def step(self, action):
+        seen, reward, *_ = super().step(action)
+        return seen, reward, bool(abs(self.place[0]) > 1.5), False, {}
+
+
+class Clocked(Point):
+    """Calls its own time limit a true end."""
+
+    def step(self, action):
+        seen, reward, *_ = super().step(action)
+        return seen, reward, self.steps == LENGTH, False, {}
+
+
+class Cut(Point):
+    """Keeps its own time limit, and calls it so."""
+
+    def step(self, action):
+        seen, reward, *_ = super().step(action)
+        return seen, reward, False, self.steps == LENGTH, {}
+
+
+def test_ends_and_time_limits():
+    findings = checked(Point, None)
+    assert bad(findings) == {"episodes": "warning"}
+    assert of(findings, "episodes").found == (
+        "No episode ended in 400 steps, and no time limit is known."
+    )
+    assert "--time-limit" in of(findings, "episodes").advice
+    findings = checked(Falling, None)
+    assert bad(findings) == {"episodes": "warning"}
+    assert of(findings, "episodes").found.endswith("no time limit is known.")
+    for make, limit in ((Falling, 1000), (Cut, None), (Point, 1000)):
+        assert bad(checked(make, limit)) == {}
+
+
+def test_a_time_limit_that_is_called_a_true_end():
+    findings = checked(Clocked, LENGTH)
+    assert bad(findings) == {"episodes": "problem"}
+    assert of(findings, "episodes").found == (
+        "Episodes that ended: 20, of length 20, the time limit, and all with terminated=True."
+    )
+    assert "truncated=True" in of(findings, "episodes").advice
+    findings = checked(Clocked, None)
+    assert bad(findings) == {"episodes": "warning"}
+    assert "whatever was done" in of(findings, "episodes").found
+
+
+class Brief(Point):
+    """A bandit: one step, and a true end."""
+
+    def step(self, action):
+        seen, reward, *_ = super().step(action)
+        return seen, reward, True, False, {}
+
+
+def test_a_bandit_ends_truly():
+    assert bad(checked(Brief, None)) == {"episodes": "warning"}
+    assert bad(checked(Brief, 1)) == {}
+
+
+class Flat(Point):
+    def reward(self):
+        return -1.0
+
+
+class Racing(Falling):
+    """The sooner it ends, the better: a reward that never changes says enough."""
+
+    def reward(self):
+        return -1.0
+
+
+def test_a_reward_that_never_changes():
+    findings = checked(Flat)
+    assert bad(findings) == {"reward": "warning"}
+    assert of(findings, "reward").found == ("The reward was -1 in all 400 steps of random actions.")
+    assert bad(checked(Racing)) == {}
+
+
+class Deaf(Point):
+    def step(self, action):
+        return super().step(np.zeros_like(action))
+
+
+def test_a_step_that_ignores_its_action():
+    findings = checked(Deaf)
+    assert bad(findings) == {"action": "problem"}
+    assert of(findings, "action").found == "Other actions gave the same 100 steps, to the bit."
+
+
+class Rewriting(Point):
+    def reset(self, *, seed=None, options=None):
+        seen, info = super().reset(seed=seed)
+        self.memory = seen
+        return self.memory, info
+
+    def step(self, action):
+        seen, *rest = super().step(action)
+        self.memory[...] = seen
+        return self.memory, *rest
+
+
+def test_an_observation_that_is_written_over():
+    findings = checked(Rewriting)
+    assert bad(findings) == {"observations stay": "problem"}
+    assert of(findings, "observations stay").found.startswith("Step 1 changed the observation")
+
+
+@pytest.mark.parametrize(
+    ("observation", "action", "found"),
+    [
+        (Box(-1.0, 1.0, (1,)), Discrete(2), {"action space"}),
+        (Text(3), Box(-1.0, 1.0, (1,)), {"observation space"}),
+        (Text(3), Box(0, 9, (1,), np.int32), {"action space", "observation space"}),
+    ],
+)
+def test_spaces_that_cannot_be_used(observation, action, found):
+    findings = check_gymnasium(Spaced(observation, action))
+    assert {finding.check for finding in findings} == found
+    for finding in findings:
+        assert finding.level == "problem"
+        assert "cannot be used" in finding.found
+        assert finding.advice.startswith("Give a Box of ")
+
+
+class Crashing(Point):
+    def step(self, action):
+        if self.steps == 4:
+            raise RuntimeError("the arm\nis stuck")
+        return super().step(action)
+
+
+class Misshapen(Point):
+    def step(self, action):
+        seen, *rest = super().step(action)
+        return seen[:1], *rest
+
+
+class Closed(Point):
+    def reset(self, *, seed=None, options=None):
+        raise OSError("no robot")
+
+
+def test_worlds_that_break():
+    found = of(checked(Crashing), "steps")
+    assert found.level == "problem"
+    assert found.found == "Step 5 raised RuntimeError: the arm is stuck."
+    assert of(checked(Misshapen), "steps").found == (
+        "Step 1 raised ValueError: an observation has shape (1,), not (2,)."
+    )
+    assert of(checked(Closed), "steps").found == "The reset raised OSError: no robot."
+
+
+class Wordless(Point):
+    """Says nothing of its seed to Gymnasium."""
+
+    def reset(self, *, seed=None, options=None):
+        self.generator = np.random.default_rng(seed)
+        self.place, self.steps = self.generator.uniform(-1, 1, 2).astype(np.float32), 0
+        return self.place.copy(), {}
+
+
+class Wording(Point):
+    def step(self, action):
+        seen, reward, terminated, truncated, info = super().step(action)
+        return seen, np.array(reward), terminated, truncated, info
+
+
+def test_what_gymnasium_says_is_passed_on():
+    own = "Gymnasium's own checks"
+    found = of(checked(Wordless), own)
+    assert found.level == "problem"
+    assert "super().reset(seed=seed)" in found.found
+    found = of(checked(Wording), own)
+    assert found.level == "warning"
+    assert found.found.startswith("The reward returned by `step()` must be a float")
+    # Actions of any size are in units of their box here: no word of that.
+    assert of(check_gymnasium("Pendulum-v1", steps=10), own).level == "fine"
+
+
+@pytest.mark.parametrize("name", ["Pendulum-v1", "MountainCarContinuous-v0", "detpg/LQR-v0"])
+def test_known_environments_have_no_problem(name):
+    findings = check_gymnasium(name, steps=410)
+    assert not [finding for finding in findings if finding.level == "problem"]
+
+
+def test_what_cannot_be_checked_is_one_sentence():
+    with pytest.raises(ValueError, match=r"^environment 'Pendulm-v1' cannot be built: "):
+        check_gymnasium("Pendulm-v1")
+    with pytest.raises(ValueError, match=r"^steps = 0 is not usable: give 1 or more\.$"):
+        check_gymnasium(Point, steps=0)
+    with pytest.raises(ValueError, match=r"^SyncVectorEnv is not one environment: give one of"):
+        check_gymnasium(lambda: SyncVectorEnv([Point]))
