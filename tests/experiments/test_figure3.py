@@ -17,6 +17,7 @@ from detpg.experiments.figure3_claims import (
     relapsed,
 )
 from detpg.experiments.octopus_shards import (
+    POLICY,
     environment_of,
     keep_policy,
     kept_policy,
@@ -131,7 +132,7 @@ def test_a_shard_that_was_killed_goes_on_to_the_same_bits(tmp_path, monkeypatch)
     costs = {(TINY, MAIN, "fresh"): whole[..., 0]}
     results = Results(study, {(TINY, MAIN): choice}, costs, {}, {MAIN: POINT}, seed=3)
     keep_policy(results, [shard(tmp_path)], tmp_path)
-    policy, theta = kept_policy(SHORT, environment_of(SHORT), tmp_path)
+    policy, theta = kept_policy(SHORT, environment_of(SHORT), tmp_path / POLICY)
     action = np.asarray(policy(theta, jnp.zeros(50)))
     assert action.shape == (20,)
     assert np.all((action > 0) & (action < 1))

@@ -9,7 +9,9 @@ from typing import Annotated
 import tyro
 
 from detpg.cli.errors import UserError
+from detpg.cli.evaluate import Evaluate
 from detpg.cli.list_command import List
+from detpg.cli.plot import Plot
 from detpg.cli.render import Render
 from detpg.cli.reproduce import Reproduce
 from detpg.cli.verify import Verify
@@ -17,6 +19,8 @@ from detpg.cli.verify import Verify
 Command = (
     Annotated[Reproduce, tyro.conf.subcommand("reproduce")]
     | Annotated[Verify, tyro.conf.subcommand("verify")]
+    | Annotated[Evaluate, tyro.conf.subcommand("evaluate")]
+    | Annotated[Plot, tyro.conf.subcommand("plot")]
     | Annotated[Render, tyro.conf.subcommand("render")]
     | Annotated[List, tyro.conf.subcommand("list")]
 )
