@@ -46,9 +46,11 @@ def test_help_does_not_import_jax():
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
-@pytest.mark.parametrize("command", [(), ("reproduce",), ("verify",), ("render",), ("list",)])
-def test_every_command_has_help(command: tuple[str, ...]):
-    done = detpg(*command, "--help")
+@pytest.mark.parametrize(
+    "command", ["", "reproduce", "verify", "evaluate", "plot", "render", "list"]
+)
+def test_every_command_has_help(command: str):
+    done = detpg(*command.split(), "--help")
     assert done.returncode == 0
     assert "usage: detpg" in done.stdout
 

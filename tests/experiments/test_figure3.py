@@ -138,5 +138,7 @@ def test_a_shard_that_was_killed_goes_on_to_the_same_bits(tmp_path, monkeypatch)
     assert np.all((action > 0) & (action < 1))
 
     checkpoint = next(tmp_path.glob("task*.npz"))
+    with pytest.raises(FileNotFoundError, match="of another policy"):
+        kept_policy(SHORT, environment_of(SHORT), checkpoint)
     checkpoint.write_bytes(checkpoint.read_bytes()[:100])  # damaged: the shard starts over
     np.testing.assert_array_equal(run_octopus_shard(shard(tmp_path)), whole)

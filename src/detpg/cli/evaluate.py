@@ -148,11 +148,12 @@ def _words(summary: "Summary", num_episodes: int) -> str:
         )
     few = " With so few the interval is too narrow." if 1 < kept < FEW else ""
     what = "seeds" if summary.over == "runs" else "episodes"
-    lost = f" Left out, not finite: {summary.num_lost} {what}." if summary.num_lost else ""
+    lost = f" Left out, not finite: {summary.num_lost} of the {what}." if summary.num_lost else ""
     return f"{words}{few}{lost}"
 
 
 def _seed_table(rows: list[dict[str, Any]], by_seed: "dict[int, np.ndarray]", shown: _Shown) -> Any:
+    import numpy as np
     from rich.table import Table
 
     from detpg.evaluation import iqm
@@ -162,6 +163,8 @@ def _seed_table(rows: list[dict[str, Any]], by_seed: "dict[int, np.ndarray]", sh
         table.add_column(name, justify="right")
     for seed, returns in by_seed.items():
         lengths = [row["length"] for row in rows if row["seed"] == seed]
+        if not np.all(np.isfinite(returns)):
+            returns = np.full_like(returns, np.nan)
         numbers = (returns.mean(), float(iqm(returns)), returns.min(), returns.max())
         table.add_row(str(seed), *map(shown, numbers), f"{sum(lengths) / len(lengths):,.1f}")
     return table

@@ -44,12 +44,13 @@ class Render:
     policy: Annotated[
         str | None,
         tyro.conf.arg(
-            metavar="random|zero|best|last|FILE",
+            metavar="WHAT",
+            help="What acts. In an environment: random (legal actions, each held for a while), "
+            "zero, or in octopus-arm the policy.npz that a study of Figure 3 has kept, such as "
+            "results/figure3/policy.npz. Of a run: best or last.",
             help_behavior_hint="(default: random; of a run: best)",
         ),
     ] = None
-    """What acts. In an environment: random (legal actions, each held for a while), zero, or in
-    octopus-arm a policy.npz that `detpg reproduce figure3` has kept. Of a run: best or last."""
 
     index: Annotated[int, tyro.conf.arg(metavar="N")] = 0
     """Which training seed's policy, in a run that has several; 0 is the first."""
@@ -98,17 +99,13 @@ class Render:
             learnt = self.policy not in (None, *OF_ENVIRONMENT)
             return lambda last: self._own_film(environment, act, learnt, last)
         run, which = self._opened()
-        name = run.config["environment"]
-        if name in ENVIRONMENTS:
-            environment = _with_picture(name)
-            with told():
-                controller = run.controller(which, self.index)
-
-            def act(step: Any, state: Any) -> Any:
-                return controller(environment.observe(state))
-
-            return lambda last: self._own_film(environment, act, True, last)
-        return lambda last: self._foreign_film(run, which, last)
+        if run.config["environment"] not in ENVIRONMENTS:
+            return lambda last: self._foreign_film(run, which, last)
+        environment = _with_picture(run.config["environment"])
+        with told():
+            controller = run.controller(which, self.index)
+        steered: Act = lambda step, state: controller(environment.observe(state))  # noqa: E731
+        return lambda last: self._own_film(environment, steered, True, last)
 
     def _opened(self) -> tuple[Any, str]:
         """The run, and which of its policies acts."""
@@ -167,15 +164,10 @@ class Render:
         self, environment: "Environment", act: Act, learnt: bool, last: bool
     ) -> "tuple[list[np.ndarray], int]":
         """Pictures of an episode in an environment of detpg, or of its last state alone."""
-        import jax
-
         from detpg.figures.frames import film
 
         states, actions = self._played(environment, act, self.steps or (1000 if learnt else 100))
-        num_steps = len(actions) - 1
-        if last:
-            states, actions = jax.tree.map(lambda leaf: leaf[-1:], (states, actions))
-        return list(film(environment, states, actions)), num_steps
+        return list(film(environment, states, actions, last=last)), len(actions) - 1
 
     def _foreign_film(self, run: Any, which: str, last: bool) -> "tuple[list[np.ndarray], int]":
         """Pictures of an episode in a Gymnasium environment, by its own drawing."""

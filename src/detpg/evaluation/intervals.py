@@ -46,7 +46,7 @@ def iqm(values: np.ndarray) -> np.ndarray:
     A quarter of the runs, rounded down, is left out at each end: of fewer than 4 it is the mean.
 
     Args:
-        values: Shape (..., runs).
+        values: Finite, shape (..., runs).
     """
     num_runs = values.shape[-1]
     cut = num_runs // 4

@@ -200,5 +200,7 @@ def kept_policy(arm: Arm, environment: OctopusArm, path: Path) -> tuple[Policy, 
     names = [f"leaf{i}" for i in range(len(leaves))]
     kept = read_arrays(path, names)
     if kept is None or [kept[name].shape for name in names] != [leaf.shape for leaf in leaves]:
-        raise FileNotFoundError(f"{path} is missing, damaged, or not of an octopus arm's policy")
+        raise FileNotFoundError(
+            f"{path} is missing, damaged, or of another policy: name the {POLICY} of Figure 3."
+        )
     return policy, _restored(structure, kept)

@@ -12,6 +12,7 @@ import polars as pl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.transforms import ScaledTranslation
 
 from detpg.evaluation import Estimate, estimate
 from detpg.evaluation.statistics import Statistic
@@ -35,6 +36,7 @@ _UNITS = {
 _WORDS = {"iqm": "IQM", "mean": "mean"}
 _SCALES = ((2e6, 1e6, " (millions)"), (1e4, 1e3, " (thousands)"), (0, 1, ""))
 _NAME, _LEGEND = 36, 62  # characters: of a name in a legend, of a legend's row below one panel
+_BELOW = 0.45  # inches from a panel to its legend: the height of numbers and label
 _FEW = 12  # points so few that each is marked
 
 
@@ -131,12 +133,14 @@ def _curve(
 def _legend(axis: Axes, entries: list[tuple[dict[str, Any], str]]) -> None:
     """Below the panel, where it hides nothing."""
     handles = [Line2D([], [], **{**line, "label": words}) for line, words in entries]
+    inches = axis.figure.dpi_scale_trans
     longest = max(len(words) for _, words in entries)
     num_columns = max(1, min(len(entries), _LEGEND // (longest + 6)))
     axis.legend(
         handles=handles,
         loc="upper center",
-        bbox_to_anchor=(0.5, -0.16),
+        bbox_to_anchor=(0.5, 0),
+        bbox_transform=axis.transAxes + ScaledTranslation(0, -_BELOW, inches),
         ncols=num_columns,
         frameon=False,
         handlelength=2.6,
