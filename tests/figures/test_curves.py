@@ -63,7 +63,7 @@ def test_the_table_holds_what_is_drawn(statistic, tmp_path, figures):
     _, file = draw([path], "return", tmp_path / "curve.png", statistic)
     table = pl.read_csv(file)
     values = read(path, "return").values
-    expected = estimate(values[:, [0, 1, 2, 3, 5]], statistic)
+    expected = estimate(values[:, [0, 1, 2, 3, 5]], statistic, num_resamples=999)
     thick = table.filter(line=statistic)
     for name in ("value", "low", "high"):
         np.testing.assert_allclose(thick[name], getattr(expected, name), rtol=1e-12)

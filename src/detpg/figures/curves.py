@@ -16,6 +16,7 @@ from matplotlib.transforms import ScaledTranslation
 
 from detpg.evaluation import Estimate, estimate
 from detpg.evaluation.statistics import Statistic
+from detpg.experiments.tables import BAND_RESAMPLES
 from detpg.figures.measured import Curve, read
 from detpg.figures.style import new_figure, save, style
 from detpg.runs import write_atomically
@@ -58,7 +59,10 @@ def draw(
         ValueError: A directory that is not a run, or that lacks the metric; nothing was written.
     """
     curves = [read(path, metric) for path in dict.fromkeys(paths)]
-    bands = [estimate(curve.values[:, curve.kept], statistic) for curve in curves]
+    bands = [
+        estimate(curve.values[:, curve.kept], statistic, num_resamples=BAND_RESAMPLES)
+        for curve in curves
+    ]
     table = io.BytesIO()
     _table(curves, bands, statistic).write_csv(table)
     beside = output.with_suffix(".csv")
