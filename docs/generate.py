@@ -19,10 +19,15 @@ from detpg.types import Algorithm, hyper_parameters
 DOCS = Path(__file__).resolve().parent
 COMMANDS: tuple[tuple[str, ...], ...] = (
     (),
-    ("reproduce",),
-    ("verify",),
+    ("train",),
+    ("train", "copdac-q"),
+    ("resume",),
+    ("evaluate",),
+    ("plot",),
     ("render",),
     ("check-env",),
+    ("reproduce",),
+    ("verify",),
     ("list",),
 )
 MADE = "<!-- Made by docs/generate.py: change the code, not this page. -->"

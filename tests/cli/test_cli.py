@@ -46,7 +46,17 @@ def test_help_does_not_import_jax():
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
-COMMANDS = ("reproduce", "verify", "render", "check-env", "list")
+COMMANDS = (
+    "train",
+    "resume",
+    "evaluate",
+    "plot",
+    "render",
+    "check-env",
+    "reproduce",
+    "verify",
+    "list",
+)
 
 
 @pytest.mark.parametrize("command", [(), *((name,) for name in COMMANDS)])

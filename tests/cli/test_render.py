@@ -7,6 +7,9 @@ import pytest
 from PIL import Image, ImageSequence
 
 from detpg.cli import main
+from made_runs import FakeRun, write_run
+
+KEPT = Path(__file__).parents[2] / "results" / "figure3" / "policy.npz"
 
 
 def frames(path: Path) -> list[np.ndarray]:
@@ -79,6 +82,11 @@ def test_the_seed_and_the_hold_matter(tmp_path):
         (["pendulum", "--steps", "0"], "--steps 0 cannot be used: give 1 to 10000."),
         (["pendulum", "--seed", "-1"], "--seed -1 cannot be used: give 0 to 2147483647."),
         (["pendulum", "--hold", "0"], "--hold 0 cannot be used: give 1 to 10000."),
+        (["pendulum", "--policy", "best"], "--policy best cannot act in an environment: choose"),
+        (["pendulum", "--policy", "a.npz"], "--policy a.npz cannot act in an environment: choose"),
+        (["octopus-arm", "--policy", "a.npz"], "a.npz is missing, damaged, or of another policy"),
+        (["folder.gif"], "folder.gif is not a run: name a folder that `detpg train` has written."),
+        (["folder.gif", "--policy", "zero"], "--policy zero is not of a run: choose best or last."),
     ],
 )
 def test_what_cannot_be_used_is_refused(
@@ -93,6 +101,82 @@ def test_what_cannot_be_used_is_refused(
     assert said in error
     assert error.count("\n") == 1
     assert [found.name for found in tmp_path.iterdir()] == ["folder.gif"]
+
+
+def test_the_last_picture_is_of_the_last_step(tmp_path):
+    """A film's last picture and the still are one."""
+    still, film = tmp_path / "end.png", tmp_path / "film.gif"
+    for path in (still, film):
+        main(["render", "octopus-arm", "--output", str(path), "--steps", "3"])
+    # A gif has few colours; the words and the path of the tip are there or not.
+    difference = frames(still)[0].astype(int) - frames(film)[-1]
+    assert np.mean(np.abs(difference) > 40) < 1e-3
+
+
+def test_what_figure_3_has_kept_strikes_the_target(tmp_path, capsys: pytest.CaptureFixture[str]):
+    path = tmp_path / "strike.png"
+    main(["render", "octopus-arm", "--policy", str(KEPT), "--output", str(path)])
+    steps = int(capsys.readouterr().out.split()[-2])
+    assert 1 < steps < 100
+    r, g, b = np.moveaxis(frames(path)[0].astype(int), 2, 0)
+    assert np.any((g > r + 60) & (g > b + 30))  # the target turns green when it is hit
+
+
+@pytest.fixture
+def opened(tmp_path, monkeypatch: pytest.MonkeyPatch):
+    """Puts a run where the command finds it."""
+
+    def put(**config):
+        path = write_run(tmp_path / "run", **config)
+        run = FakeRun(path)
+        monkeypatch.setattr("detpg.workbench.open_run", lambda _: run, raising=False)
+        monkeypatch.chdir(tmp_path)
+        return run
+
+    return put
+
+
+def test_a_run_is_filmed_by_its_world(opened, capsys: pytest.CaptureFixture[str]):
+    run = opened()
+    main(["render", "run", "--index", "2", "--seed", "4", "--steps", "3"])
+    assert run.asked == {"which": "best", "index": 2, "seed": 4, "max_steps": 3}
+    assert capsys.readouterr().out == "written to run.mp4: 3 steps\n"
+    assert Path("run.mp4").read_bytes()[4:8] == b"ftyp"  # 41 by 61 pixels were handed over
+    main(["render", "run/", "--policy", "last", "--output", "end.png"])
+    assert run.asked == {"which": "last", "index": 0, "seed": 0, "max_steps": 1000}
+    assert np.all(frames(Path("end.png"))[0] == 100)
+
+
+def test_a_run_in_a_world_of_ours_is_drawn_by_us(opened):
+    run, ends = opened(environment="pendulum"), {}
+    for policy in ("best", "last"):
+        main(["render", "run", "--policy", policy, "--output", "end.png", "--steps", "9"])
+        assert run.asked == {"which": policy, "index": 0}
+        ends[policy] = frames(Path("end.png"))[0]
+    assert ends["best"].shape == (480, 480, 3)
+    assert np.any(ends["best"] != ends["last"])
+
+
+@pytest.mark.parametrize(
+    ("config", "words", "said"),
+    [
+        ({}, ["--index", "3"], "--index 3 cannot be used: run has 3 training seeds, the first"),
+        ({}, ["--policy", "random"], "--policy random is not of a run: choose best or last."),
+        ({"environment": "lqr"}, [], "environment 'lqr' has no picture: choose from"),
+        ({"environment": "Blind-v0"}, [], "Blind-v0 has no picture: it knows no rgb_array."),
+    ],
+)
+def test_a_run_that_cannot_be_filmed(
+    config, words, said, opened, capsys: pytest.CaptureFixture[str]
+):
+    opened(**config)
+    with pytest.raises(SystemExit) as ended:
+        main(["render", "run", *words])
+    assert ended.value.code == 2
+    error = capsys.readouterr().err
+    assert said in error
+    assert error.count("\n") == 1
+    assert not Path("run.mp4").exists()
 
 
 def test_what_is_there_survives_a_failure(tmp_path, monkeypatch: pytest.MonkeyPatch):

@@ -17,6 +17,7 @@ from detpg.experiments.figure3_claims import (
     relapsed,
 )
 from detpg.experiments.octopus_shards import (
+    POLICY,
     environment_of,
     keep_policy,
     kept_policy,
@@ -131,11 +132,13 @@ def test_a_shard_that_was_killed_goes_on_to_the_same_bits(tmp_path, monkeypatch)
     costs = {(TINY, MAIN, "fresh"): whole[..., 0]}
     results = Results(study, {(TINY, MAIN): choice}, costs, {}, {MAIN: POINT}, seed=3)
     keep_policy(results, [shard(tmp_path)], tmp_path)
-    policy, theta = kept_policy(SHORT, environment_of(SHORT), tmp_path)
+    policy, theta = kept_policy(SHORT, environment_of(SHORT), tmp_path / POLICY)
     action = np.asarray(policy(theta, jnp.zeros(50)))
     assert action.shape == (20,)
     assert np.all((action > 0) & (action < 1))
 
     checkpoint = next(tmp_path.glob("task*.npz"))
+    with pytest.raises(FileNotFoundError, match="of another policy"):
+        kept_policy(SHORT, environment_of(SHORT), checkpoint)
     checkpoint.write_bytes(checkpoint.read_bytes()[:100])  # damaged: the shard starts over
     np.testing.assert_array_equal(run_octopus_shard(shard(tmp_path)), whole)

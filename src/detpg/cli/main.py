@@ -10,7 +10,9 @@ import tyro
 
 from detpg.cli.check_env import CheckEnv
 from detpg.cli.errors import UserError
+from detpg.cli.evaluate import Evaluate
 from detpg.cli.list_command import List
+from detpg.cli.plot import Plot
 from detpg.cli.render import Render
 from detpg.cli.reproduce import Reproduce
 from detpg.cli.train import Resume, Train, train_command
@@ -21,10 +23,12 @@ ABOUT = "Deterministic policy gradients: the algorithms and experiments of Silve
 Command: Any = (
     Annotated[Train, tyro.conf.subcommand("train")]
     | Annotated[Resume, tyro.conf.subcommand("resume")]
-    | Annotated[Reproduce, tyro.conf.subcommand("reproduce")]
-    | Annotated[Verify, tyro.conf.subcommand("verify")]
+    | Annotated[Evaluate, tyro.conf.subcommand("evaluate")]
+    | Annotated[Plot, tyro.conf.subcommand("plot")]
     | Annotated[Render, tyro.conf.subcommand("render")]
     | Annotated[CheckEnv, tyro.conf.subcommand("check-env")]
+    | Annotated[Reproduce, tyro.conf.subcommand("reproduce")]
+    | Annotated[Verify, tyro.conf.subcommand("verify")]
     | Annotated[List, tyro.conf.subcommand("list")]
 )
 

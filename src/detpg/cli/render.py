@@ -1,42 +1,68 @@
 """`detpg render`: an episode as a picture or a film."""
 
 import dataclasses
-import tempfile
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
 from detpg.cli.errors import UserError
+from detpg.cli.opened import POLICIES, opened, told
+from detpg.cli.outputs import check_writable, checked_kind, unwritable
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from detpg.types import Environment
 
 KINDS = ("mp4", "gif", "png")
 MOST_STEPS = 10_000  # the film is held in memory, 0.7 MB a step
+OF_ENVIRONMENT = ("random", "zero")
+Act = Callable[[Any, Any], Any]  # step and state -> action
 
 
 @dataclasses.dataclass(frozen=True)
 class Render:
-    """Draws an episode of an environment: a film as mp4 or gif, or its last state as png."""
+    """Draws an episode: a film as mp4 or gif, or its last state as png.
 
-    environment: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="ENVIRONMENT")]
-    """Such as octopus-arm (see `detpg list`)."""
+    Of an environment of detpg, in which nothing that was learnt acts unless --policy names a file;
+    or of a run of `detpg train`, whose policy acts in the run's environment.
+    """
+
+    what: Annotated[
+        tyro.conf.Positional[str], tyro.conf.arg(name="what", metavar="ENVIRONMENT|RUN")
+    ]
+    """An environment such as octopus-arm (see `detpg list`), or the folder of a run."""
 
     output: Annotated[
         Path | None,
-        tyro.conf.arg(metavar="FILE", help_behavior_hint="(default: ENVIRONMENT.mp4)"),
+        tyro.conf.arg(metavar="FILE", help_behavior_hint="(default: named after it, .mp4)"),
     ] = None
     """File to write, .mp4, .gif or .png; one that is there is replaced."""
 
-    steps: Annotated[int, tyro.conf.arg(metavar="N")] = 100
+    policy: Annotated[
+        str | None,
+        tyro.conf.arg(
+            metavar="WHAT",
+            help="What acts. In an environment: random (legal actions, each held for a while), "
+            "zero, or in octopus-arm the policy.npz that a study of Figure 3 has kept, such as "
+            "results/figure3/policy.npz. Of a run: best or last.",
+            help_behavior_hint="(default: random; of a run: best)",
+        ),
+    ] = None
+
+    index: Annotated[int, tyro.conf.arg(metavar="N")] = 0
+    """Which training seed's policy, in a run that has several; 0 is the first."""
+
+    steps: Annotated[
+        int | None,
+        tyro.conf.arg(metavar="N", help_behavior_hint="(default: 100; of what was learnt: 1000)"),
+    ] = None
     """Steps to take, 1 to 10000; fewer if the episode ends."""
 
     seed: Annotated[int, tyro.conf.arg(metavar="N")] = 0
-    """Of everything random, 0 to 2147483647."""
-
-    policy: Literal["random", "zero"] = "random"
-    """What acts: actions drawn from the legal ones, each held for a while, or none."""
+    """Of everything random in the episode, 0 to 2147483647."""
 
     hold: Annotated[int, tyro.conf.arg(metavar="N")] = 10
     """Steps for which a random action is held, 1 or more."""
@@ -45,83 +71,163 @@ class Render:
         """Plays the episode, then draws it.
 
         Raises:
-            UserError: An environment, number or file that cannot be used; nothing was written.
+            UserError: An environment, run, number or file that cannot be used; nothing was
+                written.
         """
-        output = self.output or Path(f"{self.environment}.mp4")
-        kind = output.suffix.removeprefix(".").lower()
-        if kind not in KINDS:
-            raise UserError(f"{output} is of no known kind: let it end with .mp4, .gif or .png.")
+        output = self.output or Path(f"{Path(self.what).resolve().name}.mp4")
+        kind = checked_kind(output, KINDS)
         self._check_numbers()
-        environment = self._environment()
-        _check_writable(output)
-        states, actions = self._play(environment)
-        self._write(environment, states, actions, output, kind)
-        print(f"written to {output}: {len(actions) - 1} steps")
+        film = self._film()
+        check_writable(output)
+        pictures, num_steps = film(kind == "png")
+        self._write(pictures, output, kind)
+        print(f"written to {output}: {num_steps} steps")
 
     def _check_numbers(self) -> None:
         ranges = {"steps": (1, MOST_STEPS), "seed": (0, 2**31 - 1), "hold": (1, MOST_STEPS)}
         for name, (low, high) in ranges.items():
             value = getattr(self, name)
-            if not low <= value <= high:
+            if value is not None and not low <= value <= high:
                 raise UserError(f"--{name} {value} cannot be used: give {low} to {high}.")
 
-    def _environment(self) -> "Environment":
+    def _film(self) -> "Callable[[bool], tuple[list[np.ndarray], int]]":
+        """What plays and draws, once all that was named is known to be there."""
         from detpg.environments import ENVIRONMENTS
-        from detpg.figures.frames import FRAMES
 
-        if self.environment not in FRAMES:
-            known = ", ".join(FRAMES)
-            what = "has no picture" if self.environment in ENVIRONMENTS else "is unknown"
-            raise UserError(f"environment {self.environment!r} {what}: choose from {known}.")
-        return ENVIRONMENTS[self.environment]()
+        if self.what in ENVIRONMENTS or not Path(self.what).is_dir():
+            environment, act = self._in_environment()
+            learnt = self.policy not in (None, *OF_ENVIRONMENT)
+            return lambda last: self._own_film(environment, act, learnt, last)
+        run, which = self._opened()
+        if run.config["environment"] not in ENVIRONMENTS:
+            return lambda last: self._foreign_film(run, which, last)
+        environment = _with_picture(run.config["environment"])
+        with told():
+            controller = run.controller(which, self.index)
+        steered: Act = lambda step, state: controller(environment.observe(state))  # noqa: E731
+        return lambda last: self._own_film(environment, steered, True, last)
 
-    def _play(self, environment: "Environment") -> tuple[Any, Any]:
+    def _opened(self) -> tuple[Any, str]:
+        """The run, and which of its policies acts."""
+        which = self.policy or POLICIES[0]
+        if which not in POLICIES:
+            raise UserError(f"--policy {which} is not of a run: choose best or last.")
+        run = opened(Path(self.what), which)
+        if not 0 <= self.index < run.config["seeds"]:
+            raise UserError(
+                f"--index {self.index} cannot be used: {self.what} has {run.config['seeds']} "
+                "training seeds, the first is 0."
+            )
+        return run, which
+
+    def _in_environment(self) -> "tuple[Environment, Act]":
+        """The named environment and what acts in it."""
+        environment = _with_picture(self.what)
+        policy = self.policy or OF_ENVIRONMENT[0]
+        if policy in OF_ENVIRONMENT:
+            return environment, self._untaught(environment, policy)
+        if self.what != "octopus-arm" or not policy.endswith(".npz"):
+            raise UserError(
+                f"--policy {policy} cannot act in an environment: choose random, zero or, in "
+                "octopus-arm, a file .npz; name a run's folder for what it has learnt."
+            )
+        from detpg.figures.figure3 import learnt
+
+        with told():
+            environment, mu, theta = learnt(Path(policy))
+        return environment, lambda step, state: mu(theta, environment.observe(state))
+
+    def _untaught(self, environment: "Environment", policy: str) -> Act:
+        """Random actions, each held for a while, or none."""
+        import jax
+        import jax.numpy as jnp
+
+        *_, action_key = self._keys()
+        spec = environment.spec
+        low, high = (jnp.asarray(bound, float) for bound in (spec.action_low, spec.action_high))
+
+        def act(step: Any, state: Any) -> Any:
+            if policy == "zero":
+                return jnp.clip(jnp.zeros_like(low), low, high)
+            key = jax.random.fold_in(action_key, step // self.hold)
+            return jax.random.uniform(key, low.shape, low.dtype, low, high)
+
+        return act
+
+    def _keys(self) -> Any:
+        """Keys of the start, of the environment's noise and of the random actions."""
+        import jax
+
+        return jax.random.split(jax.random.key(self.seed), 3)
+
+    def _own_film(
+        self, environment: "Environment", act: Act, learnt: bool, last: bool
+    ) -> "tuple[list[np.ndarray], int]":
+        """Pictures of an episode in an environment of detpg, or of its last state alone."""
+        from detpg.figures.frames import film
+
+        states, actions = self._played(environment, act, self.steps or (1000 if learnt else 100))
+        return list(film(environment, states, actions, last=last)), len(actions) - 1
+
+    def _foreign_film(self, run: Any, which: str, last: bool) -> "tuple[list[np.ndarray], int]":
+        """Pictures of an episode in a Gymnasium environment, by its own drawing."""
+        with told():
+            pictures = run.film(which, self.index, self.seed, self.steps or 1000)
+        # mp4 stores colours for squares of two pixels.
+        even = [p[: len(p) // 2 * 2, : p.shape[1] // 2 * 2] for p in pictures]
+        return even[-1:] if last else even, len(pictures) - 1
+
+    def _played(self, environment: "Environment", act: Act, num_steps: int) -> tuple[Any, Any]:
         """States and the actions taken there, up to the state in which the episode ended."""
         import jax
         import jax.numpy as jnp
         import numpy as np
 
-        start_key, loop_key, action_key = jax.random.split(jax.random.key(self.seed), 3)
-        spec = environment.spec
-        low, high = (jnp.asarray(bound, float) for bound in (spec.action_low, spec.action_high))
+        start_key, loop_key, _ = self._keys()
 
         def body(state: Any, step: jax.Array) -> tuple[Any, Any]:
-            key = jax.random.fold_in(action_key, step // self.hold)
-            action = jax.random.uniform(key, low.shape, low.dtype, low, high)
-            if self.policy == "zero":
-                action = jnp.clip(jnp.zeros_like(low), low, high)
+            action = act(step, state)
             next_state = environment.transition(jax.random.fold_in(loop_key, step), state, action)
             return next_state, (state, action, environment.terminated(state))
 
-        steps = jnp.arange(min(self.steps, spec.time_limit) + 1)
+        steps = jnp.arange(min(num_steps, environment.spec.time_limit) + 1)
         start = environment.initial(start_key)
         _, (states, actions, terminated) = jax.jit(lambda: jax.lax.scan(body, start, steps))()
         over = np.flatnonzero(terminated)
         end = over[0] + 1 if len(over) else len(steps)
         return jax.tree.map(lambda leaf: leaf[:end], (states, actions))
 
-    def _write(
-        self, environment: "Environment", states: Any, actions: Any, output: Path, kind: str
-    ) -> None:
-        import jax
-
-        from detpg.figures.frames import film
+    def _write(self, pictures: "list[np.ndarray]", output: Path, kind: str) -> None:
         from detpg.figures.octopus import animate
         from detpg.runs import write_atomically
 
-        if kind == "png":
-            last = slice(-1, None)
-            states, actions = jax.tree.map(lambda leaf: leaf[last], (states, actions))
-        pictures = list(film(environment, states, actions))
         film_kind = "gif" if kind == "gif" else "mp4"
         content = _png(pictures[0]) if kind == "png" else animate(pictures, film_kind)
         try:
             write_atomically(output, lambda file: file.write(content))
         except OSError as error:
-            raise _unwritable(output, error) from error
+            raise unwritable(output, error) from error
 
 
-def _png(picture: Any) -> bytes:
+def _with_picture(name: str) -> "Environment":
+    """An environment of detpg that can be drawn.
+
+    Raises:
+        UserError: There is none of that name, or it has no picture.
+    """
+    from detpg.environments import ENVIRONMENTS
+    from detpg.figures.frames import FRAMES
+
+    if name not in FRAMES:
+        known = ", ".join(FRAMES)
+        what = "has no picture" if name in ENVIRONMENTS else "is unknown"
+        raise UserError(
+            f"environment {name!r} {what}: choose from {known}, or name a run's folder."
+        )
+    return ENVIRONMENTS[name]()
+
+
+def _png(picture: "np.ndarray") -> bytes:
     import io
 
     from PIL import Image
@@ -129,18 +235,3 @@ def _png(picture: Any) -> bytes:
     content = io.BytesIO()
     Image.fromarray(picture).save(content, "png")
     return content.getvalue()
-
-
-def _check_writable(output: Path) -> None:
-    """Before time is spent on what could not be kept."""
-    try:
-        if output.is_dir():
-            raise IsADirectoryError(0, "is a folder")
-        with tempfile.TemporaryFile(dir=output.parent):
-            pass
-    except OSError as error:
-        raise _unwritable(output, error) from error
-
-
-def _unwritable(output: Path, error: OSError) -> UserError:
-    return UserError(f"{output} cannot be written to ({error.strerror}): choose another --output.")

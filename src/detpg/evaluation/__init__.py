@@ -4,7 +4,18 @@ In: a learner's state, or numbers from independent runs. Out: returns, intervals
 Next: `detpg.experiments` judges claims by them.
 """
 
-from detpg.evaluation.intervals import bootstrap_means, interval
+from detpg.evaluation.intervals import bootstrap_iqms, bootstrap_means, interval, iqm
 from detpg.evaluation.rollout import greedy_return
+from detpg.evaluation.statistics import Estimate, Summary, estimate, summarise
 
-__all__ = ["bootstrap_means", "greedy_return", "interval"]
+__all__ = [
+    "Estimate",
+    "Summary",
+    "bootstrap_iqms",
+    "bootstrap_means",
+    "estimate",
+    "greedy_return",
+    "interval",
+    "iqm",
+    "summarise",
+]

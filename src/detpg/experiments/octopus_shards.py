@@ -189,14 +189,18 @@ def keep_policy(results: Results, shards: list[Shard], directory: Path) -> None:
     write_arrays(directory / POLICY, {"seed": seed, **_numbered(theta)})
 
 
-def kept_policy(arm: Arm, environment: OctopusArm, directory: Path) -> tuple[Policy, PyTree]:
-    """The policy and theta that `keep_policy` wrote.
+def kept_policy(arm: Arm, environment: OctopusArm, path: Path) -> tuple[Policy, PyTree]:
+    """The policy and theta of a file that `keep_policy` wrote.
 
     Raises:
-        FileNotFoundError: They are not there, or damaged.
+        FileNotFoundError: It is not there, damaged, or of another policy.
     """
-    policy, kept = policy_of(arm, environment), read_arrays(directory / POLICY)
-    if kept is None:
-        raise FileNotFoundError(f"{directory / POLICY} is missing or damaged")
-    structure = jax.tree.structure(jax.eval_shape(policy.init, jax.random.key(0)))
+    policy = policy_of(arm, environment)
+    leaves, structure = jax.tree.flatten(jax.eval_shape(policy.init, jax.random.key(0)))
+    names = [f"leaf{i}" for i in range(len(leaves))]
+    kept = read_arrays(path, names)
+    if kept is None or [kept[name].shape for name in names] != [leaf.shape for leaf in leaves]:
+        raise FileNotFoundError(
+            f"{path} is missing, damaged, or of another policy: name the {POLICY} of Figure 3."
+        )
     return policy, _restored(structure, kept)

@@ -9,13 +9,15 @@ import polars as pl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from detpg.environments import OctopusArm
 from detpg.experiments.figure3 import ARMS, MAIN
 from detpg.experiments.figure3_claims import NUM_PUBLISHED, SOLVED
-from detpg.experiments.octopus_shards import environment_of, kept_policy
+from detpg.experiments.octopus_shards import POLICY, environment_of, kept_policy
 from detpg.experiments.published import SOURCE, published_curve
 from detpg.figures import octopus
 from detpg.figures.style import new_figure, save, style
 from detpg.runs import write_atomically
+from detpg.types import Policy
 
 FILES = (
     "figure3.png",
@@ -149,11 +151,20 @@ def _film(directory: Path) -> None:
         save(figure, directory, "strike", ("png",))
 
 
-def _strike(directory: Path) -> tuple[Any, Any, int]:
-    """States and actions of one episode, from the start to the hit; how many steps it took."""
+def learnt(path: Path) -> tuple[OctopusArm, Policy, Any]:
+    """The octopus arm, the policy, and the theta that a study of Figure 3 kept in a file.
+
+    Raises:
+        FileNotFoundError: It is not there, damaged, or of another policy.
+    """
     arm = next(arm for arm in ARMS if arm.name == MAIN)
     environment = environment_of(arm)
-    policy, theta = kept_policy(arm, environment, directory)
+    return environment, *kept_policy(arm, environment, path)
+
+
+def _strike(directory: Path) -> tuple[Any, Any, int]:
+    """States and actions of one episode, from the start to the hit; how many steps it took."""
+    environment, policy, theta = learnt(directory / POLICY)
     key = jax.random.key(0)
 
     def body(state: Any, _: None) -> tuple[Any, Any]:

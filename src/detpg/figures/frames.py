@@ -45,7 +45,9 @@ def render(environment: Any, state: Any, pixels: int = 240, action: Any = None) 
     return np.array(canvas.buffer_rgba())[:, :, :3]
 
 
-def film(environment: Any, states: Any, actions: Any, pixels: int = 480) -> Iterator[np.ndarray]:
+def film(
+    environment: Any, states: Any, actions: Any, pixels: int = 480, last: bool = False
+) -> Iterator[np.ndarray]:
     """A picture of each of some states; of the octopus arm with the path of its tip.
 
     Args:
@@ -53,13 +55,15 @@ def film(environment: Any, states: Any, actions: Any, pixels: int = 480) -> Iter
         states: With a leading axis over time on every leaf.
         actions: The action taken in each state.
         pixels: Height and width.
+        last: Only of the last one.
     """
     if environment.spec.name == "octopus-arm":
-        yield from octopus.frames(environment, states, actions, pixels=pixels)
+        yield from octopus.frames(environment, states, actions, pixels=pixels, last=last)
         return
-    for step, action in enumerate(np.asarray(actions)):
+    actions = np.asarray(actions)
+    for step in range(len(actions) - 1 if last else 0, len(actions)):
         state = jax.tree.map(lambda leaf, at=step: leaf[at], states)
-        yield render(environment, state, pixels, action)
+        yield render(environment, state, pixels, actions[step])
 
 
 def _mountain_car(axes: Axes, environment: Any, state: np.ndarray, action: Any) -> None:

@@ -80,7 +80,9 @@ def frame(
     return np.array(canvas.buffer_rgba())[:, :, :3]
 
 
-def frames(world: OctopusArm, states: State, actions: Any, *, pixels: int = 480) -> Iterator[Any]:
+def frames(
+    world: OctopusArm, states: State, actions: Any, *, pixels: int = 480, last: bool = False
+) -> Iterator[Any]:
     """A frame for each of some states, with the path of the tip so far.
 
     Args:
@@ -88,13 +90,15 @@ def frames(world: OctopusArm, states: State, actions: Any, *, pixels: int = 480)
         states: A state with a leading axis over time on every leaf.
         actions: The action taken in each state.
         pixels: Height and width.
+        last: Only of the last state.
     """
     path: list[np.ndarray] = []
     for step, action in enumerate(np.asarray(actions)):
         state = jax.tree.map(lambda leaf, at=step: leaf[at], states)
         x, y = (np.asarray(part, np.float64) for part in (state.arm.x, state.arm.y))
         path.append(np.array([x[:, -1].mean(), y[:, -1].mean()]))
-        yield frame(world, state, action, path, pixels=pixels, words=f"step {step}")
+        if not last or step == len(actions) - 1:
+            yield frame(world, state, action, path, pixels=pixels, words=f"step {step}")
 
 
 def animate(

@@ -1,0 +1,45 @@
+"""Runs that a command looks at."""
+
+import contextlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from detpg.cli.errors import UserError
+
+POLICIES = ("best", "last")
+
+
+def opened(path: Path, policy: str) -> Any:
+    """The run in a folder, one of whose policies is asked for.
+
+    Raises:
+        UserError: No run, or one that has not kept that policy yet.
+    """
+    if not (path / "config.json").is_file():
+        raise UserError(f"{path} is not a run: name a folder that `detpg train` has written.")
+    with told():
+        from detpg.workbench import open_run
+
+        run = open_run(path)
+    if not (path / f"{policy}.npz").is_file():
+        raise UserError(
+            f"{path} has no {policy} policy yet: wait for its first evaluation, or continue it "
+            f"with `detpg resume {path}`."
+        )
+    return run
+
+
+@contextlib.contextmanager
+def told() -> Iterator[None]:
+    """Turns what a run or its world says that it cannot do into one sentence.
+
+    Raises:
+        UserError: Instead of what was raised.
+    """
+    import gymnasium
+
+    try:
+        yield
+    except (ValueError, OSError, gymnasium.error.Error) as error:
+        raise UserError(" ".join(str(error).split())) from error
