@@ -2,11 +2,14 @@
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import jax.numpy as jnp
 import numpy as np
 import polars as pl
 import pyarrow as pa
+
+from detpg.environments import ENVIRONMENTS
 
 CONFIG = {"detpg": "0.1.0", "algorithm": "copdac-q", "environment": "Pendulum-v1", "seed": 0}
 METRICS = ("rollout/ep_rew_mean", "train/td_error")
@@ -45,7 +48,10 @@ class FakeRun:
 
     def __init__(self, path: Path, returns: list[list[float]] | None = None):
         """Returns for each seed, an entry for each episode."""
-        self.config = json.loads((path / "config.json").read_text())
+        found = json.loads((path / "config.json").read_text())
+        self.config = SimpleNamespace(**found)
+        name = found["environment"]
+        self.world = ENVIRONMENTS[name]() if name in ENVIRONMENTS else None
         self.returns, self.asked = returns, {}
 
     def play(self, which="best", episodes=10, seed=0):
@@ -60,11 +66,11 @@ class FakeRun:
         """The heavier, the more it pushes to one side."""
         self.asked = {"which": which, "index": index}
         push = 2.0 if which == "best" else -2.0
-        return lambda observation: jnp.asarray([push * (index + 1) / 2], observation.dtype)
+        return lambda observation: jnp.asarray([push * ((index or 0) + 1) / 2], observation.dtype)
 
     def film(self, which, index, seed, max_steps):
         self.asked = {"which": which, "index": index, "seed": seed, "max_steps": max_steps}
-        if self.config["environment"] == "Blind-v0":
+        if self.config.environment == "Blind-v0":
             raise ValueError("Blind-v0 has no picture:\n  it knows no rgb_array.")
         shades = np.arange(min(max_steps, 5) + 1, dtype=np.uint8)
         return [np.full((41, 61, 3), 20 * shade, np.uint8) for shade in shades]

@@ -19,7 +19,7 @@ def opened(tmp_path, monkeypatch: pytest.MonkeyPatch):
     def put(returns, **config):
         path = write_run(tmp_path / "run", num_seeds=len(returns), **config)
         run = FakeRun(path, returns)
-        monkeypatch.setattr("detpg.workbench.open_run", lambda _: run, raising=False)
+        monkeypatch.setattr("detpg.workbench.open_run", lambda path, own: run, raising=False)
         monkeypatch.setenv("COLUMNS", "80")
         return path, run
 
@@ -126,7 +126,7 @@ def test_what_the_run_says_is_one_sentence(
 ):
     path, _ = opened([[1.0]])
 
-    def fail(_: object):
+    def fail(path: object, own: object):
         raise ValueError("Mine-v0 is\n  not registered.")
 
     monkeypatch.setattr("detpg.workbench.open_run", fail)

@@ -129,7 +129,7 @@ def opened(tmp_path, monkeypatch: pytest.MonkeyPatch):
     def put(**config):
         path = write_run(tmp_path / "run", **config)
         run = FakeRun(path)
-        monkeypatch.setattr("detpg.workbench.open_run", lambda _: run, raising=False)
+        monkeypatch.setattr("detpg.workbench.open_run", lambda path, own: run, raising=False)
         monkeypatch.chdir(tmp_path)
         return run
 
@@ -143,7 +143,7 @@ def test_a_run_is_filmed_by_its_world(opened, capsys: pytest.CaptureFixture[str]
     assert capsys.readouterr().out == "written to run.mp4: 3 steps\n"
     assert Path("run.mp4").read_bytes()[4:8] == b"ftyp"  # 41 by 61 pixels were handed over
     main(["render", "run/", "--policy", "last", "--output", "end.png"])
-    assert run.asked == {"which": "last", "index": 0, "seed": 0, "max_steps": 1000}
+    assert run.asked == {"which": "last", "index": None, "seed": 0, "max_steps": 1000}
     assert np.all(frames(Path("end.png"))[0] == 100)
 
 
@@ -151,7 +151,7 @@ def test_a_run_in_a_world_of_ours_is_drawn_by_us(opened):
     run, ends = opened(environment="pendulum"), {}
     for policy in ("best", "last"):
         main(["render", "run", "--policy", policy, "--output", "end.png", "--steps", "9"])
-        assert run.asked == {"which": policy, "index": 0}
+        assert run.asked == {"which": policy, "index": None}
         ends[policy] = frames(Path("end.png"))[0]
     assert ends["best"].shape == (480, 480, 3)
     assert np.any(ends["best"] != ends["last"])

@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-
 import unstoppable
+
 from detpg.runs import RunDirectoryError, checkpoints
 from detpg.workbench import Config, DivergedError, open_run, train_in
 

@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import tyro
 
 from detpg.cli.errors import UserError
-from detpg.cli.opened import opened, told
+from detpg.cli.opened import OwnPolicy, opened, told
 
 if TYPE_CHECKING:
     import numpy as np
 
     from detpg.evaluation import Estimate, Summary
+    from detpg.workbench import Config
 
 MOST_EPISODES = 100_000
 FEW = 20  # below as many scores the interval is visibly too narrow
@@ -39,6 +40,9 @@ class Evaluate:
     policy: Literal["best", "last"] = "best"
     """The policy of the best evaluation while training, or the one trained longest."""
 
+    own_policy: OwnPolicy = None
+    """Policy of your own, if the run was trained with one: code is never loaded from a run."""
+
     episodes_table: bool = False
     """Print a row for each episode also where there are several training seeds."""
 
@@ -55,7 +59,7 @@ class Evaluate:
             if not low <= getattr(self, name) <= high:
                 value = getattr(self, name)
                 raise UserError(f"--{name} {value} cannot be used: give {low} to {high}.")
-        run = opened(self.path, self.policy)
+        run = opened(self.path, self.policy, self.own_policy)
         with told():
             played = run.play(which=self.policy, episodes=self.episodes, seed=self.seed)
         rows: list[dict[str, Any]] = played.to_pylist()
@@ -69,15 +73,13 @@ class Evaluate:
         else:
             self._print_tables(run.config, summary, rows, by_seed)
 
-    def _print_json(
-        self, config: dict[str, Any], summary: "Summary", rows: list[dict[str, Any]]
-    ) -> None:
+    def _print_json(self, config: "Config", summary: "Summary", rows: list[dict[str, Any]]) -> None:
         import json
 
         found = {
             "run": str(self.path),
-            "algorithm": config["algorithm"],
-            "environment": config["environment"],
+            "algorithm": config.algorithm,
+            "environment": config.environment,
             "policy": self.policy,
             "seed": self.seed,
             "mean": _as_json(summary.mean),
@@ -91,7 +93,7 @@ class Evaluate:
 
     def _print_tables(
         self,
-        config: dict[str, Any],
+        config: "Config",
         summary: "Summary",
         rows: list[dict[str, Any]],
         by_seed: "dict[int, np.ndarray]",
@@ -100,7 +102,7 @@ class Evaluate:
         from rich.markup import escape
 
         console = Console(highlight=False)
-        who = f"{config['algorithm']} in {config['environment']}, its {self.policy} policy"
+        who = f"{config.algorithm} in {config.environment}, its {self.policy} policy"
         console.print(escape(f"{who}, without noise"))
         shown = _Shown([row["return"] for row in rows])
         console.print(_summary_table(summary, shown))

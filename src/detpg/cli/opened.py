@@ -3,15 +3,25 @@
 import contextlib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+import tyro
 
 from detpg.cli.errors import UserError
 
 POLICIES = ("best", "last")
+OwnPolicy = Annotated[
+    str | None, tyro.conf.arg(metavar="FILE.py:NAME", help_behavior_hint="(default: none)")
+]
 
 
-def opened(path: Path, policy: str) -> Any:
+def opened(path: Path, policy: str, own: str | None = None) -> Any:
     """The run in a folder, one of whose policies is asked for.
+
+    Args:
+        path: The folder.
+        policy: Which of its policies.
+        own: Where the user's own policy stands, FILE.py:NAME.
 
     Raises:
         UserError: No run, or one that has not kept that policy yet.
@@ -21,7 +31,7 @@ def opened(path: Path, policy: str) -> Any:
     with told():
         from detpg.workbench import open_run
 
-        run = open_run(path)
+        run = open_run(path, own)
     if not (path / f"{policy}.npz").is_file():
         raise UserError(
             f"{path} has no {policy} policy yet: wait for its first evaluation, or continue it "
@@ -39,7 +49,9 @@ def told() -> Iterator[None]:
     """
     import gymnasium
 
+    from detpg.runs import RunDirectoryError
+
     try:
         yield
-    except (ValueError, OSError, gymnasium.error.Error) as error:
+    except (ValueError, OSError, RunDirectoryError, gymnasium.error.Error) as error:
         raise UserError(" ".join(str(error).split())) from error

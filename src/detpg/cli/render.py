@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 
 from detpg.cli.errors import UserError
-from detpg.cli.opened import POLICIES, opened, told
+from detpg.cli.opened import POLICIES, OwnPolicy, opened, told
 from detpg.cli.outputs import check_writable, checked_kind, unwritable
 
 if TYPE_CHECKING:
@@ -52,8 +52,11 @@ class Render:
         ),
     ] = None
 
-    index: Annotated[int, tyro.conf.arg(metavar="N")] = 0
-    """Which training seed's policy, in a run that has several; 0 is the first."""
+    index: Annotated[int | None, tyro.conf.arg(metavar="N", help_behavior_hint="")] = None
+    """Which training seed's policy, 0 the first (default: the best evaluated)."""
+
+    own_policy: OwnPolicy = None
+    """Policy of your own, if the run was trained with one: code is never loaded from a run."""
 
     steps: Annotated[
         int | None,
@@ -99,9 +102,10 @@ class Render:
             learnt = self.policy not in (None, *OF_ENVIRONMENT)
             return lambda last: self._own_film(environment, act, learnt, last)
         run, which = self._opened()
-        if run.config["environment"] not in ENVIRONMENTS:
+        environment = run.world
+        if environment is None:
             return lambda last: self._foreign_film(run, which, last)
-        environment = _with_picture(run.config["environment"])
+        _with_picture(environment.spec.name)
         with told():
             controller = run.controller(which, self.index)
         steered: Act = lambda step, state: controller(environment.observe(state))  # noqa: E731
@@ -112,10 +116,10 @@ class Render:
         which = self.policy or POLICIES[0]
         if which not in POLICIES:
             raise UserError(f"--policy {which} is not of a run: choose best or last.")
-        run = opened(Path(self.what), which)
-        if not 0 <= self.index < run.config["seeds"]:
+        run = opened(Path(self.what), which, self.own_policy)
+        if self.index is not None and not 0 <= self.index < run.config.seeds:
             raise UserError(
-                f"--index {self.index} cannot be used: {self.what} has {run.config['seeds']} "
+                f"--index {self.index} cannot be used: {self.what} has {run.config.seeds} "
                 "training seeds, the first is 0."
             )
         return run, which

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 
 from detpg.cli.errors import UserError
+from detpg.cli.opened import OwnPolicy
 
 if TYPE_CHECKING:
     from detpg.workbench.config import Config
@@ -46,9 +47,7 @@ class Resume:
     steps: Annotated[int | None, tyro.conf.arg(metavar="N", help_behavior_hint="")] = None
     """Environment steps in all (default: as many as before)."""
 
-    own_policy: Annotated[
-        str | None, tyro.conf.arg(metavar="FILE.py:NAME", help_behavior_hint="")
-    ] = None
+    own_policy: OwnPolicy = None
     """Policy of your own, if the run was trained with one: code is never loaded from a run."""
 
     def run(self) -> None:

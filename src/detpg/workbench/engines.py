@@ -31,17 +31,24 @@ def engine_of(config: Config, world: Any = None) -> Engine:
 
 
 def _world(config: Config, world: Any) -> Compiled | Hosted:
-    if isinstance(world, Environment):
-        return Compiled(config, world)
+    own = world if isinstance(world, Environment) else None
+    own = own_world(config) if world is None else own
+    if own is not None:
+        return Compiled(config, own)
+    return Hosted(config, lambda num: hosted_worlds(config, world, num))
+
+
+def own_world(config: Config) -> Environment | None:
+    """The environment of the registry that a configuration names; None: it names another one."""
     name = OURS.get(str(config.environment), config.environment)
-    if world is None and name in ENVIRONMENTS:
-        return Compiled(config, named(config, name))
+    return named(config, name) if name in ENVIRONMENTS else None
+
+
+def hosted_worlds(config: Config, world: Any, num: int, render_mode: str | None = None) -> Any:
+    """Copies of a Gymnasium environment, as `integrations.gymnasium.worlds.Worlds`."""
     from detpg.integrations.gymnasium.worlds import open_worlds
 
+    given = str(config.environment) if world is None else world
     options = dict(config.environment_options) if world is None else None
-
-    def opened(num: int) -> Any:
-        given = str(config.environment) if world is None else world
-        return open_worlds(given, num, options=options, time_limit=config.time_limit)
-
-    return Hosted(config, opened)
+    limit = config.time_limit
+    return open_worlds(given, num, options=options, time_limit=limit, render_mode=render_mode)

@@ -10,11 +10,11 @@ import pyarrow as pa
 from jaxtyping import PyTree
 
 from detpg.runs import RunDirectoryError, read_arrays
-from detpg.types import Bounds, EnvironmentSpec, Policy
+from detpg.types import Bounds, Environment, EnvironmentSpec, Policy
 from detpg.workbench.config import Config
-from detpg.workbench.engines import engine_of
+from detpg.workbench.engines import engine_of, hosted_worlds, own_world
 from detpg.workbench.learners import learner
-from detpg.workbench.own import needs_own
+from detpg.workbench.own import needs_own, own_policy
 from detpg.workbench.play import Played
 from detpg.workbench.run import BEST, LAST, found_config
 from detpg.workbench.session import controller
@@ -35,12 +35,13 @@ class OpenedRun:
         learner: The learner, as it was trained.
     """
 
-    def __init__(self, path: Path, policy: Policy | None = None):
+    def __init__(self, path: Path, policy: Policy | str | None = None):
         """Reads what the run is, none of its numbers yet.
 
         Args:
             path: The directory.
-            policy: The user's own; code is never loaded from a run.
+            policy: The user's own, or where it stands as FILE.py:NAME; code is never loaded from
+                a run.
 
         Raises:
             RunDirectoryError: No run, or one with a policy of the user's that is not given.
@@ -56,7 +57,8 @@ class OpenedRun:
             raise RunDirectoryError(f"{path}/config.json is damaged ({error}).") from error
         if ".py:" in self.config.policy and policy is None:
             raise RunDirectoryError(needs_own(path, self.config))
-        self.learner = learner(self.config, self.spec, policy)
+        own = own_policy(policy, self.spec) if isinstance(policy, str) else policy
+        self.learner = learner(self.config, self.spec, own)
 
     def learners(self, which: Which) -> PyTree:
         """States of the best or the last learners, seeds first.
@@ -120,8 +122,51 @@ class OpenedRun:
             )
         return evaluations_table(played, self.config.steps)
 
+    @property
+    def world(self) -> Environment | None:
+        """The environment of `detpg.environments` that it was trained in; None: another one."""
+        return own_world(self.config)
 
-def open_run(path: Path | str, policy: Policy | None = None) -> OpenedRun:
+    def film(self, which: Which, seed: int | None, start: int, max_steps: int) -> list[np.ndarray]:
+        """Frames of an episode in a Gymnasium environment, the start's first.
+
+        Args:
+            which: The best policies or the last.
+            seed: Of the learner; the best evaluated when not given.
+            start: Seed of the episode.
+            max_steps: Steps after which the film ends.
+
+        Raises:
+            ValueError: The environment cannot draw itself.
+        """
+        if self.config.environment is None:
+            raise RunDirectoryError(f"{self.path} knows logged data alone: nothing can be filmed.")
+        act = jax.jit(self.controller(which, seed))
+        worlds = hosted_worlds(self.config, None, 1, render_mode="rgb_array")
+        try:
+            observation = worlds.reset([start])
+            frames = [_frame(worlds)]
+            for _ in range(max_steps):
+                step = worlds.step(np.asarray(act(observation[0]))[None])
+                observation = step.observation
+                over = bool(step.terminated[0] | step.truncated[0])
+                # The world stands in its next episode by then: its last picture is lost.
+                if over:
+                    break
+                frames.append(_frame(worlds))
+            return frames
+        finally:
+            worlds.close()
+
+
+def _frame(worlds: Any) -> np.ndarray:
+    frame = worlds.render()
+    if frame is None:
+        raise ValueError(f"{worlds.spec.name} draws no picture: nothing can be filmed.")
+    return np.array(frame)
+
+
+def open_run(path: Path | str, policy: Policy | str | None = None) -> OpenedRun:
     """A run directory, read; see `OpenedRun`."""
     return OpenedRun(Path(path), policy)
 
