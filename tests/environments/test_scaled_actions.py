@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from detpg.environments import LQR, PuddleWorld, ScaledActions
+from detpg.environments import LQR, PuddleWorld, ScaledActions, TimeLimited
 from detpg.testing import check_environment
 from toys import Chain
 
@@ -52,6 +52,13 @@ def test_a_unit_is_the_bound_and_the_environment_still_cuts_off():
 
 def test_it_keeps_the_protocol():
     check_environment(ScaledActions(PuddleWorld()))
+    check_environment(TimeLimited(PuddleWorld(), 7))
+
+
+def test_a_time_limit_of_ones_own():
+    assert TimeLimited(PuddleWorld(), 7).spec.time_limit == 7
+    with pytest.raises(ValueError, match=r"^time_limit = 0 is not usable: give 1 or more\.$"):
+        TimeLimited(PuddleWorld(), 0)
 
 
 def test_a_component_without_bounds_keeps_its_units():

@@ -20,7 +20,7 @@ from detpg.runs import RunDirectoryError, checkpoints
 from detpg.workbench import Config, DivergedError, open_run, train_in
 
 SMALL = {"log_every": 20, "evaluate_every": 40, "checkpoint_every": 40, "evaluation_episodes": 2}
-LQR = {"environment": "lqr", "environment_options": {"time_limit": 20}}
+LQR = {"environment": "lqr", "time_limit": 20}
 
 
 def config(**changes) -> Config:

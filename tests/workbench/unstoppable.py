@@ -37,7 +37,8 @@ def train_all(folder: Path) -> None:
         config = Config(
             name,
             "bandit" if bandit else "lqr",
-            environment_options={"m": 2} if bandit else {"time_limit": 30},
+            environment_options={"m": 2} if bandit else {},
+            time_limit=None if bandit else 30,
             options=correlated | traced,
             normalise="both",
             steps=800,

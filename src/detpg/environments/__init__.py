@@ -11,6 +11,7 @@ from detpg.environments.octopus_arm import OctopusArm
 from detpg.environments.pendulum import Pendulum
 from detpg.environments.puddle_world import PuddleWorld
 from detpg.environments.scaled_actions import ScaledActions
+from detpg.environments.time_limited import TimeLimited
 from detpg.types import Environment
 
 ENVIRONMENTS: dict[str, type[Environment]] = {
@@ -31,4 +32,5 @@ __all__ = [
     "PuddleWorld",
     "QuadraticBandit",
     "ScaledActions",
+    "TimeLimited",
 ]

@@ -4,11 +4,12 @@ import functools
 from collections.abc import Callable
 from typing import Any
 
+import equinox as eqx
 import jax
 import numpy as np
 from jaxtyping import PyTree
 
-from detpg.environments import ENVIRONMENTS, ScaledActions
+from detpg.environments import ENVIRONMENTS, ScaledActions, TimeLimited
 from detpg.training import TrainState, begin, train
 from detpg.types import Algorithm, Bounds, Environment, EnvironmentSpec
 from detpg.workbench.config import Config
@@ -34,7 +35,8 @@ class Compiled:
     def __init__(self, config: Config, environment: Environment):
         """Wraps a world; compiles nothing yet."""
         self.world, self._config = environment, config
-        self._environment = ScaledActions(environment)
+        limit = config.time_limit or environment.spec.time_limit
+        self._environment = ScaledActions(TimeLimited(environment, limit))
         self.spec: EnvironmentSpec = self._environment.spec
         self.bounds: Bounds = environment.spec.bounds
         if config.num_envs != 1:
@@ -74,7 +76,7 @@ class Compiled:
 
     def with_learners(self, state: TrainState, learners: PyTree) -> TrainState:
         """With other states of the learners."""
-        return TrainState(learners, state.episode, state.step)
+        return eqx.tree_at(lambda tree: tree.learner, state, learners)
 
     def play(self, learners: PyTree, episodes: int, seed: int) -> Played:
         """Episodes of the mean policies; their seeds are no learner's."""
@@ -107,8 +109,6 @@ def named(config: Config, name: str) -> Environment:
         ValueError: An option that it does not take.
     """
     options = dict(config.environment_options)
-    if config.time_limit is not None:
-        options["time_limit"] = config.time_limit
     kind: Any = ENVIRONMENTS[name]
     if name == "bandit":
         options.setdefault("key", jax.random.key(config.seed))

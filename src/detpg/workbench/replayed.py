@@ -4,6 +4,7 @@ import functools
 from collections.abc import Callable
 from typing import Any
 
+import equinox as eqx
 import jax
 import numpy as np
 from jaxtyping import PyTree
@@ -102,7 +103,7 @@ class Replayed:
 
     def with_learners(self, state: ReplayState, learners: PyTree) -> ReplayState:
         """With other states of the learners."""
-        return ReplayState(learners, state.step)
+        return eqx.tree_at(lambda tree: tree.learner, state, learners)
 
     def play(self, learners: PyTree, episodes: int, seed: int) -> Played | None:
         """Episodes in the world, if there is one."""
