@@ -1,7 +1,6 @@
 """What Section 5.3 and its Figure 3 show, judged on our runs."""
 
 import numpy as np
-from scipy.stats import binomtest
 
 from detpg.evaluation.intervals import bootstrap_means, interval
 from detpg.experiments.claims import Claim, Verdict
@@ -120,6 +119,8 @@ def _mean(values: np.ndarray, seed: int) -> tuple[float, tuple[float, float]]:
 
 
 def _fraction(values: np.ndarray, seed: int) -> tuple[float, tuple[float, float]]:
+    from scipy.stats import binomtest  # slow to import, and workers judge nothing
+
     bounds = binomtest(int(values.sum()), values.size).proportion_ci(method="wilson")
     return float(values.mean()), (float(bounds.low), float(bounds.high))
 
