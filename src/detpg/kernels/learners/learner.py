@@ -87,7 +87,7 @@ class Learner:
 
 def _check_lengths(columns: Mapping[str, np.ndarray]) -> None:
     many = {name: column.shape for name, column in columns.items() if column.shape != (1,)}
-    if len(set(many.values())) > 1 or any(len(s) > 1 or s[0] < 1 for s in many.values()):
+    if len(set(many.values())) > 1 or any(len(s) > 1 or 0 in s for s in many.values()):
         shapes = ", ".join(f"{name} {shape}" for name, shape in many.items())
         raise ValueError(
             f"The hyper-parameters have shapes that do not fit, {shapes}: give one number, or one "
