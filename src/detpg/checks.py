@@ -1,7 +1,7 @@
 """What does not fit is refused in one sentence, before anything is computed."""
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, Literal, get_args, get_origin
 
 import jax
@@ -16,12 +16,25 @@ def check_choices(record: Any) -> None:
     Raises:
         ValueError: Names the option, its value and the choices.
     """
+    names = (field.name for field in dataclasses.fields(record))
+    check_options(type(record), {name: getattr(record, name) for name in names})
+
+
+def check_options(record: type[Any], options: Mapping[str, Any]) -> None:
+    """The same for options by name, before there is a record; a yes or no is one of them too.
+
+    Raises:
+        ValueError: Names the option, its value and the choices.
+    """
     for field in dataclasses.fields(record):
-        choices, value = get_args(field.type), getattr(record, field.name)
-        if get_origin(field.type) is Literal and value not in choices:
-            raise ValueError(
-                f"{field.name} {value!r} is unknown: choose one of {', '.join(choices)}."
-            )
+        if field.name not in options:
+            continue
+        value = options[field.name]
+        if get_origin(field.type) is Literal and value not in get_args(field.type):
+            choices = ", ".join(get_args(field.type))
+            raise ValueError(f"{field.name} {value!r} is unknown: choose one of {choices}.")
+        if field.type is bool and not isinstance(value, bool):
+            raise ValueError(f"{field.name} {value!r} is unknown: choose one of True, False.")
 
 
 def check_theta(policy: Policy, theta: PyTree) -> None:

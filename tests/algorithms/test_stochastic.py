@@ -56,47 +56,35 @@ def assert_equal(found, expected) -> None:
 
 
 @pytest.mark.usefixtures("x64")
-@pytest.mark.parametrize("name", ["sac_mcar_lambda0", "sac_pendulum_lambda0"])
-def test_stochastic_ac_replays_recorded_steps(name: str):
+@pytest.mark.parametrize(
+    ("name", "learner_class"),
+    [
+        ("sac_mcar_lambda0", StochasticAC),
+        ("sac_pendulum_lambda0", StochasticAC),
+        ("offpac_mcar_lambda0_aw0", OffPAC),
+    ],
+)
+def test_recorded_steps_are_replayed(name, learner_class):
     recorded = np.load(RECORDED / f"{name}.npz")
-    alpha_u = recorded["alpha_u"]
-    learner = StochasticAC(
+    widths = {"sigma": recorded["sigma_b"]} if learner_class is OffPAC else {}
+    learner = learner_class(
         features=AsObserved(19),
         action_size=1,
         gamma=recorded["gamma"],
-        alpha_u=alpha_u,
-        alpha_y=alpha_u,
+        alpha_u=recorded["alpha_u"],
+        alpha_y=recorded["alpha_u"],
         alpha_v=recorded["alpha_v"],
         sigma0=recorded["sigma0"],
+        **widths,
     )
     states, info = replay(learner, transitions(recorded))
     assert_equal(info.delta, recorded["delta"])
     assert_equal(states.v, recorded["v"])
     assert_equal(states.u.mean[:, 0], recorded["u_mean"])
     assert_equal(states.u.width[:, 0], recorded["u_std"])
-
-
-@pytest.mark.usefixtures("x64")
-def test_offpac_replays_recorded_steps():
-    recorded = np.load(RECORDED / "offpac_mcar_lambda0_aw0.npz")
-    alpha_u = recorded["alpha_u"]
-    learner = OffPAC(
-        features=AsObserved(19),
-        action_size=1,
-        gamma=recorded["gamma"],
-        alpha_u=alpha_u,
-        alpha_y=alpha_u,
-        alpha_v=recorded["alpha_v"],
-        sigma0=recorded["sigma0"],
-        sigma=recorded["sigma_b"],
-    )
-    states, info = replay(learner, transitions(recorded))
-    assert_equal(info.rho, recorded["pi"] / recorded["b"])
-    assert_equal(info.delta, recorded["delta"])
-    assert_equal(states.v, recorded["v"])
-    assert_equal(states.w, recorded["w"])
-    assert_equal(states.u.mean[:, 0], recorded["u_mean"])
-    assert_equal(states.u.width[:, 0], recorded["u_std"])
+    if learner_class is OffPAC:
+        assert_equal(info.rho, recorded["pi"] / recorded["b"])
+        assert_equal(states.w, recorded["w"])
 
 
 NUM_STEPS, SIZE, ACTIONS = 12, 3, 2

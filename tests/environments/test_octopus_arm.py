@@ -1,4 +1,4 @@
-"""The octopus arm as an environment: its task, its batches, its gradients, its words."""
+"""The octopus arm as an environment: its task, its starts, its targets."""
 
 import dataclasses
 import math
@@ -9,11 +9,9 @@ import numpy as np
 import pytest
 
 from detpg.environments import OctopusArm
-from detpg.environments.octopus_arm import PARAMETERS, TARGETS, OctopusParameters, State
+from detpg.environments.octopus_arm import PARAMETERS, TARGETS, OctopusParameters
 from detpg.environments.octopus_arm.body import body_of, nodes
 from detpg.environments.octopus_arm.geometry import distance, touches
-from detpg.environments.octopus_arm.integration import sub_step
-from detpg.environments.octopus_arm.physics import activate
 from detpg.environments.octopus_arm.targets import reach
 
 KEY = jax.random.key(0)
@@ -232,125 +230,3 @@ def test_observations_can_be_scaled():
     assert np.abs(unit.observe(state)).max() < 2
     twice = OctopusArm(observation_scale=[2.0] * 50)
     np.testing.assert_allclose(2 * twice.observe(state), raw.observe(state))
-
-
-# --- batches and gradients ---
-
-
-@pytest.mark.usefixtures("x64")
-def test_batches_are_their_members_alone():
-    """Over states, over actions, over parameters, and one within the other."""
-    world = OctopusArm(2)
-    random = np.random.default_rng(0)
-    start = np.asarray(world.to_vector(world.initial(KEY)))
-    states = jnp.asarray(start + 0.1 * random.standard_normal((3, 18)))
-    actions = jnp.asarray(random.random((2, 8)))
-    pressures = jnp.asarray([10.0, 20.0])
-
-    def one(pressure, action, state):
-        parameters = dataclasses.replace(world.parameters, pressure=pressure)
-        changed = dataclasses.replace(world, parameters=parameters)
-        return changed.to_vector(changed.transition(KEY, world.from_vector(state), action))
-
-    alone = jax.jit(one)
-    expected = np.array([[[alone(p, a, s) for s in states] for a in actions] for p in pressures])
-    inner = jax.vmap(one, in_axes=(None, None, 0))
-    whole = jax.vmap(jax.vmap(inner, in_axes=(None, 0, None)), in_axes=(0, None, None))
-    np.testing.assert_allclose(jax.jit(whole)(pressures, actions, states), expected, atol=1e-8)
-    over_actions = jax.vmap(one, in_axes=(None, 0, None))
-    found = jax.jit(over_actions)(pressures[0], actions, states[0])
-    np.testing.assert_allclose(found, expected[0, :, 0], atol=1e-8)
-    assert np.ptp(expected, axis=0).max() > 1e-3
-
-
-def value(world, state, action):
-    """Some number of the next state, and the reward."""
-    moved = world.transition(KEY, state, action)
-    return jnp.sum(world.to_vector(moved)) + world.reward(state, action, moved)
-
-
-def test_gradients_are_finite_also_at_rest():
-    world = OctopusArm(3)
-    rest = world.initial(KEY)
-    on_a_node = dataclasses.replace(rest, target=jnp.stack([rest.arm.x[0, 1], rest.arm.y[0, 1]]))
-    states = [rest, on_a_node]
-    for seed in range(4):
-        noise = jax.random.normal(jax.random.key(seed), (26,))
-        states.append(world.from_vector(world.to_vector(rest) + 0.1 * noise))
-    states = jax.tree.map(lambda *leaves: jnp.stack(leaves), *states)
-    slope = jax.vmap(jax.grad(value, argnums=(0, 1, 2)), in_axes=(None, 0, None))
-    found = jax.jit(slope)(world, states, 0.5 * full(world, *range(11)))
-    assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(found))
-    # No number of the state, and no action, is without effect.
-    assert all(np.abs(leaf).max(axis=0).all() for leaf in jax.tree.leaves(found[1].arm))
-    assert np.abs(found[2]).max(axis=0).all()
-
-
-@pytest.mark.usefixtures("x64")
-def test_slopes_agree_with_finite_differences():
-    world, random = OctopusArm(2), np.random.default_rng(2)
-    body, action = body_of(world.parameters), jnp.asarray(random.random(8))
-    rest = np.asarray(world.to_vector(world.initial(KEY)))
-    start = jnp.asarray(rest + 0.1 * random.standard_normal(18))
-    way = jnp.asarray(random.standard_normal(18))
-
-    def ahead(h):
-        arm = world.from_vector(start + h * way).arm
-        return world.to_vector(State(sub_step(body, activate(body, action), arm), world.target))
-
-    @jax.jit
-    def measured(h):
-        differences = (ahead(h) - ahead(-h)) / (2 * h)
-        return differences, jax.jacfwd(ahead)(0 * h), jax.jacrev(ahead)(0 * h)
-
-    differences, forward, backward = measured(1e-6)
-    # The differences are off by h^2 times the third derivative, 1e5 here, and by 1e-16 / h.
-    np.testing.assert_allclose(forward, differences, rtol=1e-6, atol=1e-6)
-    np.testing.assert_allclose(backward, forward, rtol=1e-9, atol=1e-12)
-
-
-# --- words ---
-
-
-def changed(**changes):
-    return dataclasses.replace(PARAMETERS["A"](), **changes)
-
-
-@pytest.mark.usefixtures("unchecked")
-@pytest.mark.parametrize(
-    ("make", "words"),
-    [
-        (lambda: OctopusArm(0), "num_segments = 0 is not usable: give 1 to 10 "),
-        (lambda: OctopusArm(11), "num_segments = 11 is not usable: give 1 to 10 "),
-        (lambda: OctopusArm(6, "C"), "parameters 'C' are unknown: choose one of A, B, or give"),
-        (
-            lambda: changed(mass=[1.0] * 5),
-            r"upper \(11, 2\), lower \(11, 2\) and mass \(5,\) do not",
-        ),
-        (lambda: changed(mass=[1.0] * 10 + [0.0]), "mass holds 0, which no arm can have"),
-        (lambda: changed(pressure=math.nan), "pressure holds nan, which no arm can have"),
-        (lambda: changed(muscle_damping=-1.0), "muscle_damping holds -1, which no arm can have"),
-        (
-            lambda: changed(upper=changed().lower, lower=changed().upper),
-            "Two neighbouring nodes coincide or a compartment is turned inside out",
-        ),
-        (
-            lambda: OctopusArm(target="moon"),
-            "target 'moon' is unknown: choose one of default, near",
-        ),
-        (lambda: OctopusArm(target=(1.0, math.nan)), "target .* is no point: give two finite"),
-        (lambda: OctopusArm(target=(1.0, 2.0, 3.0)), "target .* is no point: give two finite"),
-        (lambda: OctopusArm(target=(2.0, 0.0)), r"target \(2, 0\) is where the arm starts"),
-        (
-            lambda: OctopusArm(target=(4.0, 1.0), start_noise=0.3),
-            r"target \(4, 1\) is where the arm starts",
-        ),
-        (lambda: OctopusArm(observation_scale="big"), "observation_scale 'big' is unknown: "),
-        (lambda: OctopusArm(observation_scale=[1.0]), r"observation_scale .* give 50 positive"),
-        (lambda: OctopusArm(start_noise=-0.1), "start_noise = -0.1 is not usable: "),
-        (lambda: OctopusArm(hit_reward=math.inf), "hit_reward = inf is not usable: "),
-    ],
-)
-def test_what_is_wrong_is_said(make, words):
-    with pytest.raises(ValueError, match=f"^{words}.*[.]"):
-        make()

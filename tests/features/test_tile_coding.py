@@ -146,6 +146,7 @@ def test_step_sizes_are_divided_by_the_active_features():
         ({"high": (math.inf,)}, r"^The bounds \(0\.0,\) and \(inf,\) cannot be covered.*\.$"),
         ({"high": (0.0,)}, "cannot be covered"),
         ({"grid": (0,)}, "at least one tile"),
+        ({"grid": (2.5,)}, r"^grid \(2\.5,\) with \d+ tilings is not usable: give whole numbers,"),
         ({"num_tilings": 0}, "at least one tile"),
         ({"partition": "odd"}, r"^partition 'odd' is unknown: choose one of big, small\.$"),
         ({"wrapped": (1,)}, "names a dimension beyond 0"),

@@ -1,10 +1,12 @@
 """Pictures of the tasks: what moves in the world moves in the picture, to the right place."""
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from detpg.environments import LQR, MountainCar, Pendulum, PuddleWorld, ScaledActions
-from detpg.figures.frames import FRAMES, render
+from detpg.environments import LQR, MountainCar, OctopusArm, Pendulum, PuddleWorld, ScaledActions
+from detpg.figures.frames import FRAMES, film, render
 
 
 def centre(picture, red):
@@ -37,6 +39,21 @@ def test_pixels(world):
 )
 def test_the_body_is_where_the_state_says(world, state, place, red):
     np.testing.assert_allclose(centre(render(world, state), red), place, rtol=0, atol=0.01)
+
+
+def test_a_scaled_action_is_drawn_as_the_activation_that_it_is():
+    """-1 is no activation and 1 is full; a picture by itself and one of a film."""
+    arm = OctopusArm(2)
+    state = arm.initial(jax.random.key(0))
+    states = jax.tree.map(lambda leaf: leaf[None], state)
+    for scaled, legal in ((-1.0, 0.0), (0.5, 0.75)):
+        scaled, legal = (jnp.full(8, x, dtype=float) for x in (scaled, legal))
+        expected = render(arm, state, 96, legal)
+        np.testing.assert_array_equal(render(ScaledActions(arm), state, 96, scaled), expected)
+        (expected,) = film(arm, states, legal[None], 96)
+        (found,) = film(ScaledActions(arm), states, scaled[None], 96)
+        np.testing.assert_array_equal(found, expected)
+    assert not np.array_equal(expected, next(film(arm, states, 0 * legal[None], 96)))
 
 
 def test_what_has_no_picture_is_refused():

@@ -3,7 +3,6 @@
 import math
 
 import numpy as np
-from scipy.stats import binomtest
 
 from detpg.evaluation.intervals import bootstrap_means, interval
 from detpg.experiments.claims import MAX_LOST, Claim, Verdict
@@ -130,6 +129,8 @@ def _overlap(ours: tuple[float, float], theirs: tuple[float, float]) -> Verdict:
 
 
 def _wilson(count: int, total: int) -> tuple[float, float]:
+    from scipy.stats import binomtest  # slow to import, and workers judge nothing
+
     bounds = binomtest(count, total).proportion_ci(method="wilson")
     return float(bounds.low), float(bounds.high)
 

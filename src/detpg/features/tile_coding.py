@@ -190,9 +190,11 @@ def _check(coding: TileCoding) -> None:
             f"The bounds {low} and {high} cannot be covered by tiles: "
             "give finite numbers, low < high in every dimension."
         )
-    if min(*grid, coding.num_tilings) < 1:
+    counts = (*grid, coding.num_tilings)
+    if not all(isinstance(n, int | np.integer) and n >= 1 for n in counts):
         raise ValueError(
-            f"grid {grid} with {coding.num_tilings} tilings: give at least one tile and one tiling."
+            f"grid {grid} with {coding.num_tilings} tilings is not usable: give whole numbers, at "
+            "least one tile and one tiling."
         )
     if coding.partition not in PARTITIONS:
         raise ValueError(

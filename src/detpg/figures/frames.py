@@ -25,12 +25,15 @@ def render(environment: Any, state: Any, pixels: int = 240, action: Any = None) 
         environment: One of those in FRAMES, or with its actions scaled.
         state: Of that environment.
         pixels: Height and width.
-        action: What is done there, for pictures that show it: the octopus arm's muscles.
+        action: What is done there, for pictures that show it: the octopus arm's muscles. In units
+            of the environment that is given.
 
     Raises:
         ValueError: An environment that has no picture.
     """
     if isinstance(environment, ScaledActions):
+        if action is not None:
+            action = environment.legal(jnp.asarray(action, dtype=float))
         environment = environment.environment
     name = environment.spec.name
     if name not in FRAMES:
@@ -51,12 +54,15 @@ def film(
     """A picture of each of some states; of the octopus arm with the path of its tip.
 
     Args:
-        environment: One of those in FRAMES.
+        environment: One of those in FRAMES, or with its actions scaled.
         states: With a leading axis over time on every leaf.
         actions: The action taken in each state.
         pixels: Height and width.
         last: Only of the last one.
     """
+    if isinstance(environment, ScaledActions):
+        actions = jax.vmap(environment.legal)(jnp.asarray(actions, dtype=float))
+        environment = environment.environment
     if environment.spec.name == "octopus-arm":
         yield from octopus.frames(environment, states, actions, pixels=pixels, last=last)
         return

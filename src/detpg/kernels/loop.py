@@ -5,7 +5,7 @@ import hashlib
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
@@ -102,48 +102,65 @@ def _evaluate(start, move, world, tiles, stream, weights, episodes, records, at)
     return True
 
 
-@register_jitable
-def _run(start, move, behave, learn, world, tiles, plan, hyper, streams, weights, records, at):
-    """One run of one point; `at` says which. Stops where the learner is no longer finite."""
-    constants, centre, half = world.constants, world.centre, world.half
-    training, m = streams[TRAINING], centre.size
-    horizon, evaluate_at, episodes = plan
-    time_limit = world.time_limit
-    state, legal = np.zeros(tiles.grid.size), np.zeros(m)
-    num_active = tiles.first.size + (tiles.bias >= 0)
-    active, next_active = np.zeros(num_active, np.uint32), np.zeros(num_active, np.uint32)
-    mean, width = np.zeros(m, weights.dtype), np.zeros(m, weights.dtype)
-    deviation = np.zeros(m, weights.dtype)
-    start(constants, training, state)
-    activate(tiles, state, active)
-    length, upcoming = 0, 0
-    for t in range(horizon + 1):
-        while upcoming < evaluate_at.size and evaluate_at[upcoming] == t:
-            here = (at[0], at[1], upcoming)
-            stream = streams[EVALUATION]
-            if not _evaluate(start, move, world, tiles, stream, weights, episodes, records, here):
+def _run_of(
+    start: Callable[..., Any],
+    move: Callable[..., Any],
+    behave: Callable[..., Any],
+    learn: Callable[..., Any],
+    version: str,
+) -> Callable[..., None]:
+    """One run of one point, not compiled yet; `at` says which.
+
+    One function, and not one that calls another: each would be optimised for itself and once more
+    where it is called, which doubles the time of compilation.
+    """
+
+    def one_run(world, tiles, plan, hyper, streams, weights, records, at):
+        """Learns and is evaluated along the way; stops where the learner is no longer finite."""
+        _ = version  # part of the key under which the machine code is kept
+        constants, centre, half = world.constants, world.centre, world.half
+        training, m = streams[TRAINING], centre.size
+        horizon, evaluate_at, episodes = plan
+        time_limit = world.time_limit
+        state, legal = np.zeros(tiles.grid.size), np.zeros(m)
+        num_active = tiles.first.size + (tiles.bias >= 0)
+        active, next_active = np.zeros(num_active, np.uint32), np.zeros(num_active, np.uint32)
+        mean, width = np.zeros(m, weights.dtype), np.zeros(m, weights.dtype)
+        deviation = np.zeros(m, weights.dtype)
+        start(constants, training, state)
+        activate(tiles, state, active)
+        length, upcoming = 0, 0
+        for t in range(horizon + 1):
+            while upcoming < evaluate_at.size and evaluate_at[upcoming] == t:
+                here = (at[0], at[1], upcoming)
+                playing = streams[EVALUATION]
+                if not _evaluate(
+                    start, move, world, tiles, playing, weights, episodes, records, here
+                ):
+                    return
+                upcoming += 1
+            if t == horizon:
                 return
-            upcoming += 1
-        if t == horizon:
-            return
-        behave(weights, active, hyper, mean, width)
-        for k in range(m):
-            if not (math.isfinite(mean[k]) and math.isfinite(width[k])):
-                return
-            deviation[k] = width[k] * normal(training)
-            legal[k] = centre[k] + half[k] * (mean[k] + deviation[k])
-        reward, terminated = move(constants, training, state, legal)
-        length += 1
-        ended = terminated or length == time_limit
-        activate(tiles, state, next_active)
-        learn(weights, active, next_active, deviation, width, reward, terminated, ended, hyper)
-        if ended:
-            length = 0
-            start(constants, training, state)
-            activate(tiles, state, active)
-        else:
-            for i in range(num_active):
-                active[i] = next_active[i]
+            behave(weights, active, hyper, mean, width)
+            for k in range(m):
+                if not (math.isfinite(mean[k]) and math.isfinite(width[k])):
+                    return
+                deviation[k] = width[k] * normal(training)
+                legal[k] = centre[k] + half[k] * (mean[k] + deviation[k])
+            reward, terminated = move(constants, training, state, legal)
+            length += 1
+            ended = terminated or length == time_limit
+            activate(tiles, state, next_active)
+            learn(weights, active, next_active, deviation, width, reward, terminated, ended, hyper)
+            if ended:
+                length = 0
+                start(constants, training, state)
+                activate(tiles, state, active)
+            else:
+                for i in range(num_active):
+                    active[i] = next_active[i]
+
+    return one_run
 
 
 @functools.cache
@@ -154,14 +171,7 @@ def compiled(task: str, learner: str) -> Callable[..., None]:
     """
     start, move = TASKS[task].start, TASKS[task].move
     behave, learn = LEARNERS[learner].behave, LEARNERS[learner].learn
-    version = _version()
-
-    @numba.njit(nogil=True, cache=True)
-    def one_run(world, tiles, plan, hyper, streams, weights, records, at):
-        _ = version  # part of the key under which the machine code is kept
-        _run(start, move, behave, learn, world, tiles, plan, hyper, streams, weights, records, at)
-
-    return one_run
+    return numba.njit(nogil=True, cache=True)(_run_of(start, move, behave, learn, _version()))
 
 
 @functools.cache

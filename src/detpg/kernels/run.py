@@ -56,8 +56,8 @@ def run(
 ) -> Curves:
     """Trains every point of a grid in several runs, and plays the mean policy along the way.
 
-    A run depends on `seed`, the number of its point and its own number alone: not on what else is
-    run in the same call, on evaluations, or on the number of threads.
+    What a run learns depends on `seed`, the number of its point and its own number alone: not on
+    what else is run in the same call, on evaluations, or on the number of threads.
 
     Args:
         task: One of `TASKS`.
@@ -131,7 +131,16 @@ class Experience(NamedTuple):
 
 
 def active_features(features: TileCoding, observations: np.ndarray) -> np.ndarray:
-    """Indices of the active features, one row for each observation."""
+    """Indices of the active features, one row for each observation.
+
+    Raises:
+        ValueError: Observations of another shape than (time, dimensions).
+    """
+    if np.ndim(observations) != 2 or np.shape(observations)[1] != len(features.grid):
+        raise ValueError(
+            f"The observations have shape {np.shape(observations)}: give one row of "
+            f"{len(features.grid)} numbers for each."
+        )
     found = np.zeros((len(observations), features.num_active), np.uint32)
     active_of(tables(features), np.ascontiguousarray(observations, np.float64), found)
     return found
@@ -156,16 +165,44 @@ def replay(
 
     Returns:
         The learnt vectors and traces by name.
+
+    Raises:
+        ValueError: What does not fit, in one sentence.
     """
     kernel = _learner(learner)
-    (numbers,) = kernel.points(hyper, options or {}, hyper["gamma"])
-    action_size = experience.action.shape[1]
-    weights = np.zeros((kernel.num_vectors(action_size), size))
+    if "gamma" not in hyper:
+        raise ValueError("gamma is missing: a replay has no task to take it from.")
+    table = kernel.points(hyper, options or {}, hyper["gamma"])
+    if len(table) != 1:
+        raise ValueError(f"{len(table)} points cannot be replayed at once: give one.")
     active, action, reward, next_active, terminated, ended = map(np.asarray, experience)
+    _check_experience(experience, size)
+    (numbers,), action_size = table, action.shape[1]
+    weights = np.zeros((kernel.num_vectors(action_size), size))
     active, next_active = active.astype(np.uint32), next_active.astype(np.uint32)
     action, reward = action.astype(np.float64), reward.astype(np.float64)
     replayed(learner)(weights, numbers, active, next_active, action, reward, terminated, ended)
     return kernel.named(weights, action_size)
+
+
+def _check_experience(experience: Experience, size: int) -> None:
+    """Compiled loops do not look where they write."""
+    arrays = {name: np.asarray(values) for name, values in experience._asdict().items()}
+    shapes = {name: values.shape for name, values in arrays.items()}
+    steps = shapes["reward"][:1]
+    rows = (*steps, *shapes["active"][1:2]), (*steps, *shapes["action"][1:2])
+    wanted = {"active": rows[0], "next_active": rows[0], "action": rows[1]}
+    for name, shape in shapes.items():
+        needed = wanted.get(name, steps)
+        if shape != needed or len(needed) != 1 + (name in wanted):
+            raise ValueError(
+                f"{name} has shape {shape}, which does not fit: give one row of indices or of "
+                "action components, and one number of the rest, for each transition."
+            )
+    for name in ("active", "next_active"):
+        beyond = arrays[name][(arrays[name] < 0) | (arrays[name] >= size)]
+        if beyond.size:
+            raise ValueError(f"{name} has the index {beyond[0]}: give 0 to {size - 1}, of size.")
 
 
 def _learner(name: str) -> Learner:

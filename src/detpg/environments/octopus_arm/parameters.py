@@ -69,9 +69,10 @@ class OctopusParameters(eqx.Module):
         """The arm cut after its first segments.
 
         Raises:
-            ValueError: Less than one segment, or more than there are.
+            ValueError: No number of segments, less than one, or more than there are.
         """
-        if not 1 <= num_segments <= self.num_segments:
+        whole = isinstance(num_segments, int | np.integer)
+        if not (whole and 1 <= num_segments <= self.num_segments):
             raise ValueError(
                 f"num_segments = {num_segments} is not usable: give 1 to {self.num_segments} with "
                 "these parameters, or OctopusParameters of more pairs of nodes."
@@ -164,3 +165,17 @@ def choose(parameters: str | OctopusParameters, num_segments: int | None) -> Oct
             "give OctopusParameters."
         )
     return PARAMETERS[parameters]().first(PAPERS_SEGMENTS if num_segments is None else num_segments)
+
+
+def checked_episode(time_limit: int, discount: float) -> tuple[int, float]:
+    """Both as they are.
+
+    Raises:
+        ValueError: An episode without a step, or a discount that is none.
+    """
+    if time_limit < 1 or not 0 <= discount <= 1:
+        raise ValueError(
+            f"time_limit = {time_limit} and discount = {discount:g} are not usable: give at least "
+            "one step and a number from 0 to 1."
+        )
+    return time_limit, discount

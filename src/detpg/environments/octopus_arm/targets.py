@@ -1,5 +1,6 @@
 """The octopus arm's targets: by name, of one's own, or drawn anew for each episode."""
 
+import math
 import warnings
 from collections.abc import Sequence
 
@@ -28,10 +29,21 @@ RL_LIBRARY_TARGET = (6.0, 5.0)
 CANDIDATES = 32
 
 
+# Between two angles of the start at which a target is looked for on the arm, rad.
+FINE = 0.02
+
+
 def place(
-    target: str | Point | Sequence[float], parameters: OctopusParameters, start_noise: Number
+    target: str | Point | Sequence[float],
+    parameters: OctopusParameters,
+    start_noise: Number | None,
 ) -> Point:
     """The target's coordinates; warns of one that is out of reach.
+
+    Args:
+        target: Its name, or x and y.
+        parameters: Of the arm.
+        start_noise: Greatest angle of the start; None for a target that no episode has.
 
     Raises:
         ValueError: An unknown name, no two finite numbers, or a target that the arm can start on.
@@ -42,9 +54,14 @@ def place(
             raise ValueError(f"target {target!r} is unknown: choose one of {names}, or give x, y.")
         scale = parameters.num_segments / 6
         target = [scale * x for x in TARGETS[target]] if target in TARGETS else RL_LIBRARY_TARGET
-    point = strong(target)
+    try:
+        point = strong(target)
+    except (TypeError, ValueError):
+        point = strong(())
     if point.shape != (2,) or not (isinstance(point, Tracer) or np.isfinite(point).all()):
         raise ValueError(f"target {target} is no point: give two finite numbers, x and y.")
+    if start_noise is None:
+        return point
     if not any(isinstance(x, Tracer) for x in jax.tree.leaves((point, parameters, start_noise))):
         _check_place(point, parameters, float(start_noise))
     return point
@@ -54,7 +71,8 @@ def _check_place(point: Point, parameters: OctopusParameters, start_noise: float
     where, sides = f"target ({point[0]:g}, {point[1]:g})", _sides(parameters)
     centre = sides[:, 0].mean()
     seen = complex(*point) - centre
-    for turn in np.linspace(-start_noise, start_noise, 33):
+    half = math.ceil(start_noise / FINE)
+    for turn in start_noise * np.arange(-half, half + 1) / max(half, 1):
         away = (sides - centre) * np.exp(1j * turn) - seen
         if winds(away.real, away.imag).any():
             raise ValueError(f"{where} is where the arm starts: place it elsewhere.")

@@ -13,7 +13,7 @@ from detpg.environments.octopus_arm.body import Arm, at_rest, body_of
 from detpg.environments.octopus_arm.geometry import Point, distance, touches, turned
 from detpg.environments.octopus_arm.integration import advance
 from detpg.environments.octopus_arm.observation import State, from_vector, scale_of, to_vector
-from detpg.environments.octopus_arm.parameters import OctopusParameters, choose
+from detpg.environments.octopus_arm.parameters import OctopusParameters, checked_episode, choose
 from detpg.environments.octopus_arm.physics import activate, derivative
 from detpg.environments.octopus_arm.targets import draw, place
 from detpg.types import Action, EnvironmentSpec, Number, Observation, check_hyper, hyper, strong
@@ -105,10 +105,10 @@ class OctopusArm(eqx.Module):
         segments = self.parameters.num_segments
         self.observation_scale = scale_of(observation_scale, segments, random_targets)
         self.distance_weight, self.hit_reward = strong(distance_weight), strong(hit_reward)
-        self.start_noise = strong(start_noise)
-        self.random_targets, self.time_limit, self.discount = random_targets, time_limit, discount
+        self.start_noise, self.random_targets = strong(start_noise), random_targets
+        self.time_limit, self.discount = checked_episode(time_limit, discount)
         check_hyper(self)
-        self.target = place(target, self.parameters, self.start_noise)
+        self.target = place(target, self.parameters, None if random_targets else self.start_noise)
 
     @property
     def spec(self) -> EnvironmentSpec:

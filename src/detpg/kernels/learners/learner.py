@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from detpg.checks import check_options
 from detpg.kernels.compiling import piece
 from detpg.types import hyper_parameters
 
@@ -60,16 +61,19 @@ class Learner:
             gamma: Discount factor where none is named.
 
         Raises:
-            ValueError: A name that the learner does not read, or a value out of its range.
+            ValueError: A name that the learner does not read, a value out of its range, an option
+                that the algorithm does not have, or columns that do not fit.
         """
         unknown = [name for name in numbers if name not in self.hyper]
         unknown += [name for name in options if name not in dict(self.switches)]
         if unknown:
             known = ", ".join((*self.hyper, *dict(self.switches)))
             raise ValueError(f"{', '.join(unknown)} cannot be set here: choose from {known}.")
+        check_options(self.algorithm, options)
         declared = hyper_parameters(self.algorithm)
         defaults = {name: declared[name].default for name in self.hyper} | {"gamma": gamma}
         columns = [np.atleast_1d(np.float64((defaults | dict(numbers))[n])) for n in self.hyper]
+        _check_lengths(dict(zip(self.hyper, columns, strict=True)))
         for name, column in zip(self.hyper, columns, strict=True):
             known = declared[name]
             for value in column[~((column >= known.low) & (column <= known.high))][:1]:
@@ -79,6 +83,16 @@ class Learner:
                 )
         flags = [np.array([float(options.get(n) == on)]) for n, on in self.switches]
         return np.stack(np.broadcast_arrays(*columns, *flags), axis=1)
+
+
+def _check_lengths(columns: Mapping[str, np.ndarray]) -> None:
+    many = {name: column.shape for name, column in columns.items() if column.shape != (1,)}
+    if len(set(many.values())) > 1 or any(len(s) > 1 or 0 in s for s in many.values()):
+        shapes = ", ".join(f"{name} {shape}" for name, shape in many.items())
+        raise ValueError(
+            f"The hyper-parameters have shapes that do not fit, {shapes}: give one number, or one "
+            "for each point."
+        )
 
 
 @piece
