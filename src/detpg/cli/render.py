@@ -1,6 +1,7 @@
 """`detpg render`: an episode as a picture or a film."""
 
 import dataclasses
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -175,6 +176,8 @@ class Render:
 
     def _foreign_film(self, run: Any, which: str, last: bool) -> "tuple[list[np.ndarray], int]":
         """Pictures of an episode in a Gymnasium environment, by its own drawing."""
+        # Drawn into memory: SDL, which draws Gymnasium's worlds, needs no screen.
+        os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
         with told():
             pictures = run.film(which, self.index, self.seed, self.steps or 1000)
         # mp4 stores colours for squares of two pixels.

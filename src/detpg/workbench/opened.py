@@ -141,7 +141,8 @@ class OpenedRun:
         """
         if self.config.environment is None:
             raise RunDirectoryError(f"{self.path} knows logged data alone: nothing can be filmed.")
-        act = jax.jit(self.controller(which, seed))
+        controller = self.controller(which, seed)
+        act = jax.jit(lambda observation: controller(observation))
         worlds = hosted_worlds(self.config, None, 1, render_mode="rgb_array")
         try:
             observation = worlds.reset([start])
