@@ -91,12 +91,13 @@ def _settings(command: Any) -> dict[str, Any]:
     """Settings of the file, and over them the flags."""
     from detpg.algorithms import ALGORITHMS
     from detpg.types import hyper_parameters
-    from detpg.workbench.config import read_settings
+    from detpg.workbench.config import TUNED, read_settings
     from detpg.workbench.learners import switches
 
     kind = ALGORITHMS[command.algorithm]
     of_algorithm = {*hyper_parameters(kind), *switches(kind)}
-    found = read_settings(command.config, command.algorithm) if command.config else {}
+    path = _tuned(command) if str(command.config) == TUNED else command.config
+    found = read_settings(path, command.algorithm) if path else {}
     options = {**found.pop("options", {})}
     options |= {name: found.pop(name) for name in list(found) if name in of_algorithm}
     found.pop("algorithm", None)
@@ -113,6 +114,28 @@ def _settings(command: Any) -> dict[str, Any]:
             found[field.name] = value
     hidden = {"hidden": tuple(found["hidden"])} if "hidden" in found else {}
     return {**found, **hidden, "options": options}
+
+
+def _tuned(command: Any) -> Path:
+    """The settings that are known for the environment and the algorithm.
+
+    Raises:
+        UserError: There are none; names what there is.
+    """
+    import tomllib
+
+    from detpg.workbench.config import SETTINGS, tuned
+
+    path = tuned(command.environment)
+    known = list(tomllib.loads(path.read_text())) if path else []
+    if path is not None and command.algorithm in known:
+        return path
+    worlds = ", ".join(sorted(found.stem for found in SETTINGS.glob("*.toml")))
+    what = f"for {', '.join(known)} in {command.environment}" if known else f"in {worlds}"
+    raise UserError(
+        f"--config tuned knows nothing for {command.algorithm} in {command.environment}, only "
+        f"{what}: leave it out and set the step sizes."
+    )
 
 
 def _pair(words: str) -> tuple[str, Any]:

@@ -46,7 +46,11 @@ FILES: dict[str, tuple[Any, str]] = {
         tuple[str, ...],
         "NAME=VALUE of the environment, such as g=9.81; several may follow.",
     ),
-    "config": (Path, "TOML or JSON file of settings; flags go before it."),
+    "config": (
+        Path,
+        "TOML or JSON file of settings, or `tuned` for those known to learn the environment; flags "
+        "go before it.",
+    ),
     "output": (Path, "Run directory (default: runs/ALGORITHM-ENVIRONMENT)."),
 }
 

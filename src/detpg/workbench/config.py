@@ -7,6 +7,9 @@ import tomllib
 from pathlib import Path
 from typing import Any, Literal
 
+SETTINGS = Path(__file__).parent / "settings"
+TUNED = "tuned"  # instead of a file: what is known of the environment
+
 PolicyKind = str  # "auto", "mlp", "linear", "tiles", "quadratic" or "FILE.py:NAME"
 ValueKind = Literal["mlp", "quadratic", "tiles"]
 Normalise = Literal["none", "observations", "rewards", "both"]
@@ -135,6 +138,12 @@ def _check(config: Config) -> None:
         )
     if config.environment is None and config.data is None:
         raise ValueError("There is nothing to learn from: name an environment, or give data.")
+
+
+def tuned(environment: str | None) -> Path | None:
+    """The file of settings with which learners learn an environment, where it is known."""
+    found = SETTINGS / f"{environment}.toml"
+    return found if found.is_file() else None
 
 
 def read_settings(path: Path, algorithm: str) -> dict[str, Any]:
