@@ -33,7 +33,9 @@ def to_json(controller: Controller, about: dict[str, Any]) -> bytes:
     content = {
         "format": FORMAT,
         **about,
-        "normaliser": None if normaliser is None else {
+        "normaliser": None
+        if normaliser is None
+        else {
             "mean": _numbers(normaliser.mean),
             "deviation": _numbers(normaliser.deviation),
             "most": normaliser.most,

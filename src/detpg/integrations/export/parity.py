@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from detpg.integrations.export.parts import parts_of, single_precision
+from detpg.integrations.export.parts import deployed, parts_of, single_precision
 from detpg.types import EnvironmentSpec
 from detpg.wrappers import Controller
 
@@ -114,7 +114,7 @@ def observations(
 def _actions(
     controller: Controller, seen: Float[Array, "points obs"]
 ) -> Float[Array, "points act"]:
-    return jax.vmap(controller)(seen)
+    return jax.vmap(deployed(controller))(seen)
 
 
 def _answers(

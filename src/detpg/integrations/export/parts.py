@@ -1,6 +1,7 @@
 """What a controller is made of: its normaliser, its policy with parameters, its bounds."""
 
 import math
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
@@ -11,7 +12,7 @@ from jaxtyping import Array, Float, PyTree
 import detpg
 from detpg.algorithms import ALGORITHMS
 from detpg.policies import FeatureGaussian, IsotropicGaussian
-from detpg.types import Algorithm, EnvironmentSpec
+from detpg.types import Action, Algorithm, EnvironmentSpec, Observation
 from detpg.wrappers import Controller, Metered, Normalised
 from detpg.wrappers.normalised import MOST
 
@@ -46,7 +47,7 @@ def parts_of(controller: Controller) -> Parts:
 
 
 def mean_policy(parts: Parts) -> tuple[Any, PyTree]:
-    """mu and its parameters: of a Gaussian policy its mean; (None, None) of an unknown learner."""
+    """Mu and its parameters: of a Gaussian policy its mean; (None, None) of an unknown learner."""
     policy = getattr(parts.algorithm, "policy", None)
     theta = next((getattr(parts.learner, n) for n in THETA if hasattr(parts.learner, n)), None)
     if policy is None or theta is None:
@@ -56,6 +57,20 @@ def mean_policy(parts: Parts) -> tuple[Any, PyTree]:
     if isinstance(policy, IsotropicGaussian):
         return policy.mean, theta.theta
     return policy, theta
+
+
+def deployed(controller: Controller) -> Callable[[Observation], Action]:
+    """What is exported: the controller, for which a denormal number is 0.
+
+    XLA takes it for 0 in some operations and not in others, by the machine; a file has one answer.
+    """
+
+    def action(observation: Observation) -> Action:
+        least = jnp.asarray(jnp.finfo(observation.dtype).tiny, observation.dtype)
+        tiny = jnp.abs(observation) < least
+        return controller(jnp.where(tiny, jnp.zeros_like(observation), observation))
+
+    return action
 
 
 def single_precision(controller: Controller) -> Controller:

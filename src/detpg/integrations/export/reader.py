@@ -57,6 +57,7 @@ def load(path):
 
     def run(observations):
         s = np.asarray(observations, np.float32)
+        s = np.where(np.abs(s) < np.finfo(np.float32).tiny, np.float32(0), s)
         if normaliser:
             mean, deviation = (np.float32(normaliser[k]) for k in ("mean", "deviation"))
             s = np.clip((s - mean) / deviation, -normaliser["most"], normaliser["most"])

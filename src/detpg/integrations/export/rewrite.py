@@ -15,7 +15,7 @@ CALLS = ("jit", "pjit", "closed_call", "core_call", "custom_jvp_call", "custom_v
 def rewritten(function: Callable, *examples: jax.ShapeDtypeStruct) -> Callable[..., list[Array]]:
     """The same function of the same shapes; its results as a list.
 
-    What does not depend on the input is computed now, calls are laid open, and two operations are
+    What does not depend on the input is computed now, calls are laid open, and a few operations are
     put in other words (`RULES`).
     """
     closed = jax.make_jaxpr(function)(*examples)
@@ -73,24 +73,64 @@ def _to_integer(value: Array, *, new_dtype: Any, **_: Any) -> Array | None:
     return jnp.where(value >= beyond, high, jnp.where(value < least, low, inside))
 
 
-def _scatter_add(
-    operand: Array, indices: Array, updates: Array, *, dimension_numbers: Any, mode: Any, **_: Any
-) -> Array | None:
-    """x.at[indices].add(updates) of two vectors, as a sum over where each index points to.
-
-    Batched, the scatter of JAX is none that ONNX has. That of a tile coder is of this kind.
-    """
-    drop = (jax.lax.GatherScatterMode.FILL_OR_DROP, jax.lax.GatherScatterMode.PROMISE_IN_BOUNDS)
-    vectors = operand.ndim == updates.ndim == 1 and indices.shape == (updates.size, 1)
-    windows = dimension_numbers.update_window_dims
-    if not (vectors and windows == () and mode in drop):
+def _scatter_add(operand: Array, indices: Array, updates: Array, **params: Any) -> Array | None:
+    """x.at[indices].add(updates)."""
+    if not _of_vectors(operand, indices, updates, **params):
         return None
-    points = indices == jnp.arange(operand.size, dtype=indices.dtype)[None, :]
-    added = jnp.where(points, updates[:, None], jnp.zeros_like(updates[:, None]))
-    return operand + jnp.sum(added, 0, operand.dtype)
+    return operand + jnp.sum(_placed(operand, indices, updates), 0, operand.dtype)
+
+
+def _scatter(operand: Array, indices: Array, updates: Array, **params: Any) -> Array | None:
+    """x.at[indices].set(updates)."""
+    if not _of_vectors(operand, indices, updates, **params):
+        return None
+    found = jnp.sum(_placed(operand, indices, updates), 0, operand.dtype)
+    return jnp.where(jnp.any(_points(operand, indices), 0), found, operand)
+
+
+def _of_vectors(
+    operand: Array, indices: Array, updates: Array, *, dimension_numbers: Any, mode: Any, **_: Any
+) -> bool:
+    """Whether numbers go into a vector, one to each index; batched, ONNX has no such scatter."""
+    drop = (jax.lax.GatherScatterMode.FILL_OR_DROP, jax.lax.GatherScatterMode.PROMISE_IN_BOUNDS)
+    singly = operand.ndim == 1 and indices.size == updates.size
+    return singly and dimension_numbers.update_window_dims == () and mode in drop
+
+
+def _points(operand: Array, indices: Array) -> Array:
+    """For each index, where it points to."""
+    return indices.reshape(-1, 1) == jnp.arange(operand.size, dtype=indices.dtype)[None, :]
+
+
+def _placed(operand: Array, indices: Array, updates: Array) -> Array:
+    """Each number in its place, zeros elsewhere."""
+    points, numbers = _points(operand, indices), updates.reshape(-1, 1)
+    if not isinstance(updates, jax.core.Tracer):  # 1, of a tile coder: no table of constants
+        return points.astype(updates.dtype) * numbers
+    return jnp.where(points, numbers, jnp.zeros_like(numbers))
+
+
+def _remainder(value: Array, divisor: Array, **_: Any) -> Array:
+    """Value - divisor times the whole part of their quotient.
+
+    The converter's own remainder knows no batch of unknown size.
+    """
+    quotient = jax.lax.div(value, divisor)
+    whole = jnp.trunc(quotient) if jnp.issubdtype(value.dtype, jnp.floating) else quotient
+    return jax.lax.sub(value, jax.lax.mul(divisor, whole))
+
+
+def _angle(y: Array, x: Array, **_: Any) -> Array:
+    """The angle of (x, y); infinite in both, it is that of the signs."""
+    both = jnp.isinf(y) & jnp.isinf(x)
+    y, x = (jnp.where(both, jnp.sign(value), value) for value in (y, x))
+    return jax.lax.atan2(y, x)
 
 
 RULES: dict[str, Callable[..., Array | None]] = {
+    "atan2": _angle,
     "convert_element_type": _to_integer,
+    "rem": _remainder,
+    "scatter": _scatter,
     "scatter-add": _scatter_add,
 }

@@ -9,6 +9,7 @@ import jax
 import numpy as np
 
 from detpg.integrations.export.loaded import Loaded
+from detpg.integrations.export.parts import deployed
 from detpg.wrappers import Controller
 
 FORMAT = "detpg controller, jax.export"
@@ -24,7 +25,7 @@ def to_jax(controller: Controller, about: dict[str, Any]) -> bytes:
     """
     shape = jax.export.symbolic_shape(f"N, {about['observation_size']}")
     many = jax.ShapeDtypeStruct(shape, np.float32)
-    function = jax.jit(jax.vmap(lambda observation: controller(observation)))
+    function = jax.jit(jax.vmap(deployed(controller)))
     try:
         exported = jax.export.export(function, platforms=PLATFORMS)(many)
     except Exception as error:  # whatever stands in a user's function

@@ -13,6 +13,7 @@ import jax
 import numpy as np
 
 from detpg.integrations.export.loaded import Loaded
+from detpg.integrations.export.parts import deployed
 from detpg.integrations.export.rewrite import rewritten
 from detpg.wrappers import Controller
 
@@ -59,7 +60,7 @@ def _converted(controller: Controller, size: int) -> Any:
     from jax.extend.core import jaxpr_as_fun
 
     alone = jax.ShapeDtypeStruct((size,), np.float32)
-    plain = rewritten(lambda observation: controller(observation), alone)
+    plain = rewritten(deployed(controller), alone)
     many = jax.ShapeDtypeStruct(jax.export.symbolic_shape(f"N, {size}"), np.float32)
     batched = jaxpr_as_fun(jax.make_jaxpr(jax.vmap(lambda s: plain(s)[0]))(many))
     model = jax2onnx.to_onnx(
@@ -106,10 +107,13 @@ def load_onnx(path: Path) -> Loaded:
     import onnxruntime
 
     try:
-        session = onnxruntime.InferenceSession(Path(path), providers=["CPUExecutionProvider"])
+        options = onnxruntime.SessionOptions()
+        options.log_severity_level = 3  # errors alone
+        cpu = ["CPUExecutionProvider"]
+        session = onnxruntime.InferenceSession(Path(path), options, providers=cpu)
         kept = session.get_modelmeta().custom_metadata_map
         about = {name: _value(name, text) for name, text in kept.items()}
-        about["observation_size"], about[ABOUT]  # noqa: B018
+        about["observation_size"], about[ABOUT]
     except FileNotFoundError:
         raise
     except Exception as error:  # onnxruntime's own classes are not public
