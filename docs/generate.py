@@ -17,7 +17,14 @@ from detpg.experiments.study import Study
 from detpg.types import Algorithm, hyper_parameters
 
 DOCS = Path(__file__).resolve().parent
-COMMANDS: tuple[tuple[str, ...], ...] = ((), ("reproduce",), ("verify",), ("render",), ("list",))
+COMMANDS: tuple[tuple[str, ...], ...] = (
+    (),
+    ("reproduce",),
+    ("verify",),
+    ("render",),
+    ("export",),
+    ("list",),
+)
 MADE = "<!-- Made by docs/generate.py: change the code, not this page. -->"
 
 

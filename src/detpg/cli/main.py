@@ -9,6 +9,7 @@ from typing import Annotated
 import tyro
 
 from detpg.cli.errors import UserError
+from detpg.cli.export import Export
 from detpg.cli.list_command import List
 from detpg.cli.render import Render
 from detpg.cli.reproduce import Reproduce
@@ -18,6 +19,7 @@ Command = (
     Annotated[Reproduce, tyro.conf.subcommand("reproduce")]
     | Annotated[Verify, tyro.conf.subcommand("verify")]
     | Annotated[Render, tyro.conf.subcommand("render")]
+    | Annotated[Export, tyro.conf.subcommand("export")]
     | Annotated[List, tyro.conf.subcommand("list")]
 )
 

@@ -60,16 +60,16 @@ def load_json(path: Path) -> Loaded:
     Raises:
         ValueError: The file is no such controller.
     """
+    refusal = f"{path} is no controller that detpg exported as JSON: give such a file."
     try:
         kept = json.loads(Path(path).read_bytes())
-        known = kept["format"] == FORMAT
-    except (ValueError, TypeError, KeyError):
-        known = False
-    if not known:
-        raise ValueError(f"{path} is no controller that detpg exported as JSON.")
+        if kept["format"] != FORMAT:
+            raise ValueError(refusal)
+        run = reader.load(path)
+    except (ValueError, TypeError, KeyError) as error:
+        raise ValueError(refusal) from error
     own = ("format", "normaliser", "policy", "scaling")
-    about = {name: value for name, value in kept.items() if name not in own}
-    return Loaded(about, reader.load(path))
+    return Loaded({name: value for name, value in kept.items() if name not in own}, run)
 
 
 def _known(table: dict[type, Callable], part: Any, words: str) -> Callable:

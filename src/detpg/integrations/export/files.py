@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from detpg.integrations.export.describe import load_json, to_json
 from detpg.integrations.export.loaded import Loaded
 from detpg.integrations.export.parity import Parity, parity
-from detpg.integrations.export.parts import about, single_precision
+from detpg.integrations.export.parts import about, single_precision, single_precision_mode
 from detpg.integrations.export.to_jax import load_jax, to_jax
 from detpg.integrations.export.to_onnx import load_onnx, to_onnx
 from detpg.runs import write_atomically
@@ -52,7 +52,7 @@ def export(
     if kind not in KINDS:
         raise ValueError(f"The format {kind!r} is unknown: choose one of {', '.join(KINDS)}.")
     convert, load = KINDS[kind]
-    with jax.enable_x64(False), jax.default_matmul_precision("highest"):
+    with single_precision_mode():
         controller = single_precision(controller)
         _check_size(controller, observation_size)
         content = convert(controller, about(controller, observation_size, spec))

@@ -11,7 +11,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from detpg.integrations.export.parts import deployed, parts_of, single_precision
+from detpg.integrations.export.parts import (
+    deployed,
+    parts_of,
+    single_precision,
+    single_precision_mode,
+)
 from detpg.types import EnvironmentSpec
 from detpg.wrappers import Controller
 
@@ -71,18 +76,17 @@ def parity(
         run: From observations [N, d] to actions [N, m], for any N.
         spec: Of the environment, for the bounds of its observations.
     """
-    with jax.enable_x64(False), jax.default_matmul_precision("highest"):
+    with np.errstate(all="ignore"), single_precision_mode():
         controller = single_precision(controller)
         seen = observations(controller, observation_size, spec)
         wanted, moved = _answers(controller, seen)
-    with np.errstate(all="ignore"):
         found = np.asarray(run(seen))
+        alone = slice(None, None, EACH // 2)
+        asked = np.concatenate([np.asarray(run(row[None])) for row in seen[alone]])
     if found.shape != wanted.shape:
         raise ValueError(
             f"The actions of {len(seen)} observations have shape {found.shape}, not {wanted.shape}."
         )
-    alone = slice(None, None, EACH // 2)
-    asked = np.concatenate([np.asarray(run(row[None])) for row in seen[alone]])
     seen, wanted, moved = (np.concatenate([x, x[alone]]) for x in (seen, wanted, moved))
     return _compared(controller, seen, wanted, moved, np.concatenate([found, asked]))
 
@@ -134,7 +138,7 @@ def _answers(
 def _wobbled(generator: np.random.Generator, leaf: Any) -> Any:
     if not jnp.issubdtype(leaf.dtype, jnp.floating):
         return leaf
-    signs = generator.choice(np.float32([-1, 1]), leaf.shape)
+    signs = generator.choice(np.asarray([-1, 1], np.float32), leaf.shape)
     return jnp.asarray(np.asarray(leaf) * (1 + np.float32(WOBBLE * EPSILON) * signs))
 
 

@@ -1,7 +1,8 @@
 """What a controller is made of: its normaliser, its policy with parameters, its bounds."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any, NamedTuple
 
 import jax
@@ -71,6 +72,13 @@ def deployed(controller: Controller) -> Callable[[Observation], Action]:
         return controller(jnp.where(tiny, jnp.zeros_like(observation), observation))
 
     return action
+
+
+@contextmanager
+def single_precision_mode() -> Iterator[None]:
+    """JAX computes in float32 throughout, also where a device would multiply with fewer bits."""
+    with jax.enable_x64(False), jax.default_matmul_precision("highest"):
+        yield
 
 
 def single_precision(controller: Controller) -> Controller:

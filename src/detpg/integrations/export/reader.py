@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 
-UNITS = {"linear": lambda x: x, "tanh": np.tanh, "sigmoid": lambda x: 1 / (1 + np.exp(-x))}
+UNITS = {"linear": lambda x: x, "tanh": np.tanh, "sigmoid": lambda x: (1 + np.tanh(x / 2)) / 2}
 
 
 def features(x, s):
@@ -38,7 +38,7 @@ def policy(mu, s):
     """The action in units of the box, [N, m]."""
     if mu["kind"] == "mlp":
         for layer in mu["layers"]:
-            weight, bias = np.asarray(layer["weight"], np.float32), np.float32(layer["bias"])
+            weight, bias = (np.asarray(layer[k], np.float32) for k in ("weight", "bias"))
             s = UNITS[layer["unit"]](s @ weight.T + bias)
         return s
     theta = np.asarray(mu["theta"], np.float32)
@@ -52,16 +52,17 @@ def load(path):
     with open(path) as file:  # noqa: PTH123
         kept = json.load(file)
     scale, normaliser = kept["scaling"], kept["normaliser"]
-    centre, half = np.float32(scale["centre"]), np.float32(scale["half_range"])
+    centre, half = (np.asarray(scale[k], np.float32) for k in ("centre", "half_range"))
     own, world = (_box(scale[name]) for name in ("policy_bounds", "action_bounds"))
 
     def run(observations):
         s = np.asarray(observations, np.float32)
         s = np.where(np.abs(s) < np.finfo(np.float32).tiny, np.float32(0), s)
         if normaliser:
-            mean, deviation = (np.float32(normaliser[k]) for k in ("mean", "deviation"))
+            mean, deviation = (np.asarray(normaliser[k], np.float32) for k in ("mean", "deviation"))
             s = np.clip((s - mean) / deviation, -normaliser["most"], normaliser["most"])
-        return np.clip(centre + half * np.clip(policy(kept["policy"], s), *own), *world)
+        action = np.clip(policy(kept["policy"], s), own[0], own[1])
+        return np.clip(centre + half * action, world[0], world[1])
 
     return run
 
@@ -69,4 +70,5 @@ def load(path):
 def _box(bounds):
     """Lower and upper bound; null stands for none."""
     ends = zip(("low", "high"), (-np.inf, np.inf))
-    return [np.float32([none if x is None else x for x in bounds[e]]) for e, none in ends]
+    filled = ([none if x is None else x for x in bounds[end]] for end, none in ends)
+    return [np.asarray(numbers, np.float32) for numbers in filled]

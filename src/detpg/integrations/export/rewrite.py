@@ -5,6 +5,7 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+from jax.core import Tracer
 from jax.extend.core import ClosedJaxpr, Jaxpr, Literal, jaxpr_as_fun
 from jaxtyping import Array
 
@@ -40,7 +41,7 @@ def _result(equation: Any, inputs: list[Any]) -> Sequence[Any]:
     inner = next((params[key] for key in INNER if key in params), None)
     if name in CALLS and isinstance(inner, ClosedJaxpr):
         return _evaluated(inner, inputs)
-    if not any(isinstance(value, jax.core.Tracer) for value in inputs):
+    if not any(isinstance(value, Tracer) for value in inputs):
         with jax.ensure_compile_time_eval():
             return _bound(equation, inputs)
     rule = RULES.get(name)
@@ -105,7 +106,7 @@ def _points(operand: Array, indices: Array) -> Array:
 def _placed(operand: Array, indices: Array, updates: Array) -> Array:
     """Each number in its place, zeros elsewhere."""
     points, numbers = _points(operand, indices), updates.reshape(-1, 1)
-    if not isinstance(updates, jax.core.Tracer):  # 1, of a tile coder: no table of constants
+    if not isinstance(updates, Tracer):  # 1, of a tile coder: no table of constants
         return points.astype(updates.dtype) * numbers
     return jnp.where(points, numbers, jnp.zeros_like(numbers))
 

@@ -49,12 +49,14 @@ def load_jax(path: Path) -> Loaded:
         line, program = file.readline(LONGEST), file.read()
     try:
         about = json.loads(line)
-        known = about["format"] == FORMAT
-    except (ValueError, TypeError, KeyError):
-        known = False
-    if not known:
-        raise ValueError(f"{path} is no controller that detpg exported with JAX.")
-    if hashlib.sha256(program).hexdigest() != about.pop("sha256", None):
+        if about.pop("format") != FORMAT:
+            raise ValueError(about)
+        digest = about.pop("sha256")
+    except (ValueError, TypeError, KeyError, AttributeError) as error:
+        raise ValueError(
+            f"{path} is no controller that detpg exported with JAX: give such a file."
+        ) from error
+    if hashlib.sha256(program).hexdigest() != digest:
         raise ValueError(f"{path} is damaged: export the controller again.")
     exported = jax.export.deserialize(bytearray(program))
     return Loaded(about, lambda seen: exported.call(jax.numpy.asarray(seen)))

@@ -45,7 +45,7 @@ def to_onnx(controller: Controller, about: dict[str, Any]) -> bytes:
             f"The controller cannot be converted to ONNX ({type(error).__name__}: {first}): "
             "export it with the format jax, or write its policy with other operations."
         ) from error
-    named = {name: _text(value) for name, value in about.items()}
+    named = {name: _text(value) for name, value in about.items() if value is not None}
     onnx.helper.set_model_props(model, named | {ABOUT: about["detpg"]})
     return model.SerializeToString()
 
@@ -113,7 +113,8 @@ def load_onnx(path: Path) -> Loaded:
         session = onnxruntime.InferenceSession(Path(path), options, providers=cpu)
         kept = session.get_modelmeta().custom_metadata_map
         about = {name: _value(name, text) for name, text in kept.items()}
-        about["observation_size"], about[ABOUT]
+        if not {"observation_size", ABOUT} <= about.keys():
+            raise ValueError("a model of something else")
     except FileNotFoundError:
         raise
     except Exception as error:  # onnxruntime's own classes are not public
