@@ -83,6 +83,7 @@ def _text(value: Any) -> str:
 @contextmanager
 def _quiet() -> Iterator[None]:
     """Without the converter's messages, and with the promotions that its own code relies on."""
+    before = logging.root.manager.disable
     logging.disable(logging.WARNING)
     try:
         with (
@@ -93,7 +94,7 @@ def _quiet() -> Iterator[None]:
             warnings.simplefilter("ignore")
             yield
     finally:
-        logging.disable(logging.NOTSET)
+        logging.disable(before)
 
 
 def load_onnx(path: Path) -> Loaded:
