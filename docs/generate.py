@@ -25,6 +25,7 @@ COMMANDS: tuple[tuple[str, ...], ...] = (
     ("evaluate",),
     ("plot",),
     ("render",),
+    ("export",),
     ("check-env",),
     ("reproduce",),
     ("verify",),

@@ -52,6 +52,7 @@ COMMANDS = (
     "evaluate",
     "plot",
     "render",
+    "export",
     "check-env",
     "reproduce",
     "verify",

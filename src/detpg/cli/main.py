@@ -11,6 +11,7 @@ import tyro
 from detpg.cli.check_env import CheckEnv
 from detpg.cli.errors import UserError
 from detpg.cli.evaluate import Evaluate
+from detpg.cli.export import Export
 from detpg.cli.list_command import List
 from detpg.cli.plot import Plot
 from detpg.cli.render import Render
@@ -26,6 +27,7 @@ Command: Any = (
     | Annotated[Evaluate, tyro.conf.subcommand("evaluate")]
     | Annotated[Plot, tyro.conf.subcommand("plot")]
     | Annotated[Render, tyro.conf.subcommand("render")]
+    | Annotated[Export, tyro.conf.subcommand("export")]
     | Annotated[CheckEnv, tyro.conf.subcommand("check-env")]
     | Annotated[Reproduce, tyro.conf.subcommand("reproduce")]
     | Annotated[Verify, tyro.conf.subcommand("verify")]
