@@ -74,9 +74,7 @@ def in_c(program: str, learner: str) -> float:
     return 1e9 / float(found.stdout.split()[0])
 
 
-def here(
-    learner: str, clock: Callable[[], float], threads: int = 1, runs: int = RUNS
-) -> float:
+def here(learner: str, clock: Callable[[], float], threads: int = 1, runs: int = RUNS) -> float:
     """Steps per second of the compiled learner, the program compiled before."""
     hyper = divided(FEATURES, HYPER[learner])
 

@@ -12,5 +12,6 @@ and resuming it from files, depends on.
 
 from detpg.testing.algorithm import check_algorithm
 from detpg.testing.environment import check_environment
+from detpg.testing.probes import PROBES, Probe, check_probe
 
-__all__ = ["check_algorithm", "check_environment"]
+__all__ = ["PROBES", "Probe", "check_algorithm", "check_environment", "check_probe"]
