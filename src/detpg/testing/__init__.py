@@ -5,6 +5,13 @@
     check_environment(MyEnvironment())
     check_algorithm(MyAlgorithm.create(MyEnvironment().spec), MyEnvironment())
 
+And does the algorithm learn what is known of the smallest worlds (`detpg.testing.probes`)?
+
+    from detpg.testing import PROBES, check_probe
+
+    for probe in PROBES.values():
+        check_probe(MyAlgorithm.create(probe.spec), probe)
+
 In: a record. Out: nothing, or an `AssertionError` of one sentence: what was found, what was
 expected, how to mend it. What is checked is what batching a study over seeds and hyper-parameters,
 and resuming it from files, depends on.
