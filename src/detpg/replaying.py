@@ -9,13 +9,15 @@ and the row that its epoch's order gives it, so that a run resumed from a saved 
 the same key and data is equal to the bit.
 """
 
+import warnings
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray, PyTree
 
-from detpg.algorithms import DAC, OffPAC, StochasticAC
+from detpg.algorithms import COPDACGQ, COPDACQ, DAC, OffPAC, StochasticAC
 from detpg.training import Log
 from detpg.types import Algorithm, Bounds, EnvironmentSpec, Transition
 
@@ -27,6 +29,8 @@ REFUSED: dict[type[Algorithm], str] = {
     StochasticAC: "it is on-policy, and the actions must come from its own Gaussian",
     OffPAC: "it divides by the density of the behaviour, which logged data do not tell",
 }
+# Those whose critic is linear in a - mu_theta(s): a straight line through what the behaviour did.
+COMPATIBLE = (COPDACQ, COPDACGQ)
 
 
 class Logged(eqx.Module):
@@ -115,7 +119,7 @@ def learn_from(
 
 
 def check_learner(algorithm: Algorithm) -> None:
-    """Refuses a learner that another behaviour's transitions would mislead.
+    """Refuses a learner that another behaviour's transitions would mislead; warns of some.
 
     Raises:
         ValueError: Says why, and what to take.
@@ -128,8 +132,14 @@ def check_learner(algorithm: Algorithm) -> None:
         why = f"it takes batches of {inside.batch_size} actions of its own policy in a bandit"
     if why is not None:
         raise ValueError(
-            f"{type(inside).__name__} cannot learn from logged data: {why}. Take opdac, copdac-q "
-            "or copdac-gq."
+            f"{type(inside).__name__} cannot learn from logged data, since {why}: take opdac."
+        )
+    if isinstance(inside, COMPATIBLE):
+        warnings.warn(
+            f"{type(inside).__name__} reads its slope at the behaviour's actions, not at its own: "
+            "it improves on the behaviour and then goes too far, so start from the behaviour and "
+            "stop early, or take opdac.",
+            stacklevel=3,
         )
 
 

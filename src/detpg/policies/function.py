@@ -52,7 +52,8 @@ class Constants:
         if any(isinstance(leaf, Tracer) for leaf in leaves):
             raise ValueError(
                 "The parameters of a policy are being traced by jit, vmap or grad, so that they "
-                "have no value yet: give a function key -> parameters, or make the policy outside."
+                "have no value yet: give a function key -> parameters or NumPy arrays, or make the "
+                "policy outside."
             )
         return cls(structure, tuple(map(_constant, leaves)))
 
