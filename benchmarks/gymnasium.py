@@ -3,10 +3,10 @@
 from collections.abc import Iterable
 from typing import Any
 
+import gymnasium
 import jax
 import numpy as np
 
-import gymnasium
 from benchmarks.rows import Row
 from benchmarks.runs import least_seconds, session
 from detpg.workbench import Config
