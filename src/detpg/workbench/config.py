@@ -140,10 +140,12 @@ def _check(config: Config) -> None:
         raise ValueError("There is nothing to learn from: name an environment, or give data.")
 
 
-def tuned(environment: str | None) -> Path | None:
-    """The file of settings with which learners learn an environment, where it is known."""
+def tuned(environment: str | None) -> tuple[Path | None, list[str]]:
+    """The file of settings with which learners learn an environment, and which learners do."""
     found = SETTINGS / f"{environment}.toml"
-    return found if found.is_file() else None
+    if not found.is_file():
+        return None, []
+    return found, list(tomllib.loads(found.read_text()))
 
 
 def read_settings(path: Path, algorithm: str) -> dict[str, Any]:
