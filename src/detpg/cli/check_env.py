@@ -106,4 +106,9 @@ def _print_table(environment: str, findings: "list[Finding]") -> None:
     console = Console()
     console.print(table)
     levels = [finding.level for finding in findings]
-    console.print(f"{levels.count('problem')} problems, {levels.count('warning')} warnings")
+    console.print(", ".join(_counted(levels, level) for level in ("problem", "warning")))
+
+
+def _counted(levels: list[str], level: str) -> str:
+    number = levels.count(level)
+    return f"{number} {level}{'' if number == 1 else 's'}"

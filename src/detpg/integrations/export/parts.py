@@ -10,10 +10,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PyTree
 
-import detpg
 from detpg.algorithms import ALGORITHMS
 from detpg.policies import FeatureGaussian, IsotropicGaussian
 from detpg.types import Action, Algorithm, EnvironmentSpec, Observation
+from detpg.version import __version__
 from detpg.wrappers import Controller, Metered, Normalised
 from detpg.wrappers.normalised import MOST
 
@@ -110,7 +110,7 @@ def about(
     algorithm = parts_of(controller).algorithm
     names = (name for name, known in ALGORITHMS.items() if type(algorithm) is known)
     return {
-        "detpg": detpg.__version__,
+        "detpg": __version__,
         "algorithm": next(names, type(algorithm).__name__),
         "environment": spec.name if spec is not None else None,
         "observation_size": observation_size,
