@@ -48,8 +48,8 @@ FILES: dict[str, tuple[Any, str]] = {
     ),
     "config": (
         Path,
-        "TOML or JSON file of settings, or `tuned` for those known to learn the environment; a flag "
-        "wins over it.",
+        "TOML or JSON file of settings, or `tuned` for those known to learn the environment; flags "
+        "win over it.",
     ),
     "output": (Path, "Run directory (default: runs/ALGORITHM-ENVIRONMENT)."),
 }
