@@ -9,7 +9,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int, PRNGKeyArray, PyTree
+from jaxtyping import Array, Float, Int, Key, PRNGKeyArray, PyTree
 
 from detpg import trees
 from detpg.policies import cap
@@ -21,6 +21,7 @@ from detpg.workbench.play import Played, discount, worth
 from detpg.wrappers import of_each_world, several_worlds
 from detpg.wrappers.controller import in_world_units
 
+RESET = StepKeys._fields.index("reset")
 LONGEST = 100_000  # steps after which an episode of an evaluation is given up
 
 
@@ -66,6 +67,11 @@ class Hosted:
         self._config, self._opened = config, opened
         self._shape = config.seeds, config.num_envs
         self._worlds = opened(config.seeds * config.num_envs)
+        if self._worlds.num != config.seeds * config.num_envs:
+            raise ValueError(
+                f"{self._worlds.spec.name!r} has {self._worlds.num} copies, which is not seeds * "
+                f"num_envs = {config.seeds} * {config.num_envs}: give numbers that fit."
+            )
         self.bounds = self._worlds.spec.bounds
         low, high = self.bounds.scaled
         self.spec = dataclasses.replace(self._worlds.spec, action_low=low, action_high=high)
@@ -85,14 +91,16 @@ class Hosted:
         self.learner = learner
         root = jax.random.fold_in(jax.random.key(self._config.seed), LEARNING)
         numbers = np.arange(self._config.seeds)
-        self._keys = jax.vmap(functools.partial(jax.random.fold_in, root))(numbers)
+        keys = jax.vmap(functools.partial(jax.random.fold_in, root))(numbers)
+        # As in `training.train`: the keys of the steps have a branch of their own.
+        split = jax.vmap(jax.random.split)(keys)
+        self._keys, self._begin_keys = split[:, 0], split[:, 1]
 
     def begin(self) -> HostState:
         """Before the first step."""
-        keys = jax.vmap(lambda key: jax.random.split(key)[1])(self._keys)
         worlds = self._config.num_envs
         fresh = jax.vmap(lambda key: several_worlds(self.learner.init(key), worlds))
-        return self._started(jax.jit(fresh)(keys), step=0)
+        return self._started(jax.jit(fresh)(self._begin_keys), step=0)
 
     def resume(self, state: HostState, step: int) -> HostState:
         """The learners as they were, in new episodes: traces and correlated noise start anew."""
@@ -108,8 +116,8 @@ class Hosted:
         observation = self._worlds.reset(seeds).reshape(*self._shape, -1)
 
         def act(key: PRNGKeyArray, learner: PyTree, observation: Array) -> Array:
-            keys = jax.random.split(jax.random.fold_in(key, step), self._config.num_envs)
-            return _acts(self.learner, keys, *_parted(learner), observation)
+            keys = _step_keys(key, step, self._config.num_envs)
+            return _acts(self.learner, keys[:, RESET], *_parted(learner), observation)
 
         action = jax.jit(jax.vmap(act))(self._keys, learner, observation)
         self._action = np.asarray(self._carried_out(action)).reshape(self._worlds.num, -1)
@@ -119,6 +127,8 @@ class Hosted:
         return int(np.random.SeedSequence([self._config.seed, *words]).generate_state(1)[0])
 
     def _carried_out(self, action: Array) -> Array:
+        # A learner that is lost stops neither the others nor the interval at whose end it is named.
+        action = jnp.where(jnp.isfinite(action), action, jnp.zeros_like(action))
         return in_world_units(cap(action, self.spec.bounds), self.bounds)
 
     def advance(self, state: HostState, steps: int) -> HostState:
@@ -174,22 +184,24 @@ class Hosted:
 
     def play(self, learners: PyTree, episodes: int, seed: int) -> Played:
         """Episodes of the mean policies in worlds of their own; their seeds are no learner's."""
-        worlds, num = self._evaluated, self._config.seeds
+        worlds, num = self._evaluated, self._evaluated.num
         own = int(np.random.SeedSequence([seed, EVALUATION]).generate_state(1)[0])
-        observation = worlds.reset([own] * num)
+        # The same episodes for all learners; of a vector environment each has several copies.
+        copies = num // self._config.seeds
+        observation = worlds.reset([own + i % copies for i in range(num)])
         gamma, limit = discount(self.learner), worlds.spec.time_limit
         rows: list[list[tuple[float, ...]]] = [[] for _ in range(num)]
-        action, value = self._worth(learners, observation)
-        total, length, earned, first = (np.zeros(num) for _ in range(4))
-        first += value
-        while min(map(len, rows)) < episodes:
+        action, first = self._worth(learners, observation)
+        total, length, earned = (np.zeros(num) for _ in range(3))
+        while min(map(len, rows)) * copies < episodes:
             step = worlds.step(action)
             total += step.reward
             earned += gamma**length * step.reward
-            length += 1
+            length += step.valid
             over = step.terminated | step.truncated
             tails = self._worth(learners, step.next_observation)[1] if over.any() else total
             action, value = self._worth(learners, step.observation)
+            first = np.where(step.valid, first, value)  # this call only began an episode
             for i in np.flatnonzero(over):
                 tail = 0.0 if step.terminated[i] else gamma ** length[i] * tails[i]
                 rows[i].append((total[i], length[i], earned[i] + tail, first[i]))
@@ -200,16 +212,19 @@ class Hosted:
                     f"An episode of {self.spec.name!r} did not end in {int(length.max())} steps: "
                     "cut it with time_limit."
                 )
-        table = np.array([row[:episodes] for row in rows])
-        return Played(*np.moveaxis(table, -1, 0))
+        least = min(map(len, rows))
+        table = np.array([row[:least] for row in rows]).reshape(self._config.seeds, -1, 4)
+        return Played(*np.moveaxis(table[:, :episodes], -1, 0))
 
     @functools.cached_property
     def _evaluated(self) -> Any:
+        """A world for each learner; a vector environment has its own number, as in training."""
         return self._opened(self._config.seeds)
 
     def _worth(self, learners: PyTree, observation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        action, value = self._worths(learners, observation)
-        return np.asarray(action), np.asarray(value)
+        shaped = observation.reshape(self._config.seeds, -1, observation.shape[-1])
+        action, value = self._worths(learners, shaped)
+        return np.array(action).reshape(len(observation), -1), np.array(value).reshape(-1)
 
     @functools.cached_property
     def _worths(self) -> Callable[..., Any]:
@@ -217,7 +232,7 @@ class Hosted:
             action, value = worth(self.learner, state, observation)
             return self._carried_out(action), value
 
-        return jax.jit(jax.vmap(one))
+        return jax.jit(jax.vmap(jax.vmap(one, in_axes=(None, 0))))
 
     def close(self) -> None:
         """Closes the worlds."""
@@ -229,6 +244,11 @@ class Hosted:
 def _parted(learner: PyTree) -> tuple[PyTree, PyTree]:
     """What each world has, and what they share."""
     return eqx.partition(learner, of_each_world(learner))
+
+
+def _step_keys(key: PRNGKeyArray, steps: Any, worlds: int) -> Key[Array, "worlds 4"]:
+    """The streams of one step in each world, in the order of `StepKeys`."""
+    return jax.random.split(jax.random.fold_in(key, steps), (worlds, len(StepKeys._fields)))
 
 
 def _acts(
@@ -251,7 +271,7 @@ def _learn(
 ) -> tuple[PyTree, Float[Array, "worlds act"]]:
     """Learns from the worlds one after another, then chooses an action in each."""
     size = observation.shape[-1]
-    keys = jax.random.split(jax.random.fold_in(key, steps), (observation.shape[0], 4))
+    keys = _step_keys(key, steps, observation.shape[0])
     own, shared = _parted(learner)
 
     def body(shared: PyTree, world: Any) -> tuple[PyTree, PyTree]:
