@@ -97,11 +97,25 @@ class Session:
     def __init__(self, config: Config, engine: Engine, learner: Algorithm):
         """Before the first step."""
         self.config, self.engine, self.learner = config, engine, learner
+        self.check_steps("log_every", config.log_every)
         engine.use(learner)
         state = engine.begin()
         learners = engine.learners(state)
         self.kept = Kept(state, learners, jnp.full(config.seeds, -jnp.inf), learners)
         self.step = 0
+
+    def check_steps(self, name: str, steps: int) -> None:
+        """Refuses a number of steps at whose end an update would stand half done.
+
+        Raises:
+            ValueError: Says of what it must be a multiple.
+        """
+        unit = self.learner.batch_size or self.config.num_envs
+        if steps % unit:
+            raise ValueError(
+                f"{name} = {steps} is no multiple of {unit}, the steps that the learner takes at "
+                "once: give one that is."
+            )
 
     def resume(self, step: int, kept: Kept) -> None:
         """Goes on from a checkpoint."""
