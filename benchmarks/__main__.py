@@ -15,8 +15,10 @@ os.environ.setdefault("XLA_FLAGS", "--xla_cpu_multi_thread_eigen=false")
 MODULES = (
     "benchmarks.compatible",
     "benchmarks.figure1",
+    "benchmarks.gymnasium",
     "benchmarks.kernels",
     "benchmarks.octopus",
+    "benchmarks.train",
 )
 
 

@@ -152,6 +152,21 @@ def test_what_cannot_be_used_is_refused():
         GymnasiumEnv("pendulum", render_mode="ansi")
 
 
+def test_the_tip_of_the_arm_leaves_a_trace_of_its_episode():
+    world = GymnasiumEnv(OctopusArm(2), render_mode="rgb_array")
+    world.reset(seed=0)
+    for _ in range(20):
+        world.step(np.eye(8)[0])
+    traced = world.render()
+    moved = np.asarray(world._path)
+    assert moved.shape == (21, 2)
+    assert np.ptp(moved, axis=0).max() > 0.01
+    world._path = []
+    assert (traced != world.render()).any()
+    world.reset(seed=0)
+    assert len(world._path) == 1
+
+
 def test_pictures(wall):
     assert set(PICTURED) == set(FRAMES)
     world = GymnasiumEnv(ScaledActions(OctopusArm(2)), render_mode="rgb_array")

@@ -1,7 +1,9 @@
 """Entry point: parses the words, runs the command, turns what users can mend into one sentence."""
 
+import functools
 import os
 import sys
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -41,6 +43,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     Args:
         arguments: Words after the command's name; those of the process when not given.
     """
+    warnings.showwarning = _warn
     words = list(sys.argv[1:] if arguments is None else arguments)
     _prepare_jax()
     _find_own_modules()
@@ -60,6 +63,16 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except KeyboardInterrupt:
         print("detpg: stopped; run the same command again to continue.", file=sys.stderr)
         raise SystemExit(130) from None
+
+
+def _warn(message: Warning | str, *_: object, **__: object) -> None:
+    """A warning is a sentence as well, without the line of code that it came from."""
+    _say_once(str(message))
+
+
+@functools.cache
+def _say_once(sentence: str) -> None:
+    print(f"detpg: {sentence}", file=sys.stderr)
 
 
 def _prepare_jax() -> None:

@@ -2,6 +2,7 @@
 
 import dataclasses
 import signal
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -82,6 +83,8 @@ def _train(command: Any) -> None:
         config = Config.from_json({"algorithm": command.algorithm, **_settings(command)})
     except (TypeError, ValueError) as error:
         raise UserError(str(error)) from error
+    if command.config is None and _knows(config.environment, config.algorithm):
+        print("settings that are known to learn this environment: --config tuned", file=sys.stderr)
     world = (config.environment or Path(str(config.data)).stem).replace("/", "-")
     path = command.output or Path("runs") / f"{config.algorithm}-{world}"
     _go(config, path, config.policy if ".py:" in config.policy else None)
@@ -115,18 +118,21 @@ def _settings(command: Any) -> dict[str, Any]:
     return {**found, "options": options}
 
 
+def _knows(environment: str | None, algorithm: str) -> bool:
+    from detpg.workbench.config import tuned
+
+    return algorithm in tuned(environment)[1]
+
+
 def _tuned(command: Any) -> Path:
     """The settings that are known for the environment and the algorithm.
 
     Raises:
         UserError: There are none; names what there is.
     """
-    import tomllib
-
     from detpg.workbench.config import SETTINGS, tuned
 
-    path = tuned(command.environment)
-    known = list(tomllib.loads(path.read_text())) if path else []
+    path, known = tuned(command.environment)
     if path is not None and command.algorithm in known:
         return path
     worlds = ", ".join(sorted(found.stem for found in SETTINGS.glob("*.toml")))
@@ -158,7 +164,8 @@ def _go(config: "Config", path: Path, own: str | None) -> None:
     stop = _Stop()
     try:
         with _Shown(config, path) as shown, stop.listening():
-            ended = train_in(path, config, own=own, report=shown.show, should_stop=stop.asked)
+            told = {"started": shown.started, "report": shown.show, "should_stop": stop.asked}
+            ended = train_in(path, config, own=own, **told)
     except (RunDirectoryError, DivergedError, ValueError) as error:
         raise UserError(str(error)) from error
     if not ended.finished:
@@ -209,8 +216,7 @@ class _Shown:
         )
 
         self._console, self._tenth = Console(stderr=True), -1
-        words = f"{config.algorithm} in {config.environment or config.data}"
-        self._console.print(f"{words}, into {path}", highlight=False)
+        self._words = f"{config.algorithm} in {config.environment or config.data}, into {path}"
         self._bars = Progress(
             TextColumn("{task.fields[steps]}"),
             BarColumn(),
@@ -231,6 +237,10 @@ class _Shown:
 
     def __exit__(self, *_: object) -> None:
         self._bars.stop()
+
+    def started(self) -> None:
+        """Called once the run is known to be possible."""
+        self._console.print(self._words, highlight=False)
 
     def show(self, progress: "Progress") -> None:
         """Called after every interval."""

@@ -18,7 +18,14 @@ from detpg.figures import octopus
 GROUND, BODY, AIM = "0.35", "tab:blue", "tab:green"
 
 
-def render(environment: Any, state: Any, pixels: int = 240, action: Any = None) -> np.ndarray:
+def tip(environment: Any, state: Any) -> np.ndarray | None:
+    """Where the octopus arm ends, x and y; None in another environment, which leaves no trace."""
+    return octopus.tip(state) if environment.spec.name == "octopus-arm" else None
+
+
+def render(
+    environment: Any, state: Any, pixels: int = 240, action: Any = None, path: Any = ()
+) -> np.ndarray:
     """The environment in a state: uint8, shape (pixels, pixels, 3), red, green, blue.
 
     Args:
@@ -27,6 +34,7 @@ def render(environment: Any, state: Any, pixels: int = 240, action: Any = None) 
         pixels: Height and width.
         action: What is done there, for pictures that show it: the octopus arm's muscles. In units
             of the environment that is given.
+        path: Where the octopus arm's tip was before: x and y, the latest last.
 
     Raises:
         ValueError: An environment that has no picture.
@@ -43,7 +51,9 @@ def render(environment: Any, state: Any, pixels: int = 240, action: Any = None) 
     axes = figure.add_axes((0, 0, 1, 1))
     axes.set_axis_off()
     record = isinstance(state, eqx.Module)
-    FRAMES[name](axes, environment, state if record else np.asarray(state, dtype=float), action)
+    trace = {"path": path} if name == "octopus-arm" else {}
+    state = state if record else np.asarray(state, dtype=float)
+    FRAMES[name](axes, environment, state, action, **trace)
     canvas.draw()
     return np.array(canvas.buffer_rgba())[:, :, :3]
 

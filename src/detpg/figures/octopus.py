@@ -80,6 +80,12 @@ def frame(
     return np.array(canvas.buffer_rgba())[:, :, :3]
 
 
+def tip(state: State) -> np.ndarray:
+    """The middle of the last two nodes, x and y."""
+    x, y = (np.asarray(part, np.float64) for part in (state.arm.x, state.arm.y))
+    return np.array([x[:, -1].mean(), y[:, -1].mean()])
+
+
 def frames(
     world: OctopusArm, states: State, actions: Any, *, pixels: int = 480, last: bool = False
 ) -> Iterator[Any]:
@@ -95,8 +101,7 @@ def frames(
     path: list[np.ndarray] = []
     for step, action in enumerate(np.asarray(actions)):
         state = jax.tree.map(lambda leaf, at=step: leaf[at], states)
-        x, y = (np.asarray(part, np.float64) for part in (state.arm.x, state.arm.y))
-        path.append(np.array([x[:, -1].mean(), y[:, -1].mean()]))
+        path.append(tip(state))
         if not last or step == len(actions) - 1:
             yield frame(world, state, action, path, pixels=pixels, words=f"step {step}")
 

@@ -18,7 +18,8 @@ class Window:
         drawn = None
         if backend.lower() in backend_registry.list_builtin(BackendFilter.INTERACTIVE):
             try:
-                drawn = plt.figure(title, figsize=(4.8, 4.8))
+                with plt.rc_context({"toolbar": "None"}):
+                    drawn = plt.figure(title, figsize=(4.8, 4.8))
             except Exception:  # each toolkit has its own error where there is no display
                 drawn = None
         if drawn is None:

@@ -164,10 +164,12 @@ def _check_kinds(config: Config) -> None:
             raise ValueError(f"{name} = {getattr(config, name)!r} is no table of names and values.")
 
 
-def tuned(environment: str | None) -> Path | None:
-    """The file of settings with which learners learn an environment, where it is known."""
+def tuned(environment: str | None) -> tuple[Path | None, list[str]]:
+    """The file of settings with which learners learn an environment, and which learners do."""
     found = SETTINGS / f"{environment}.toml"
-    return found if found.is_file() else None
+    if not found.is_file():
+        return None, []
+    return found, list(tomllib.loads(found.read_text()))
 
 
 def read_settings(path: Path, algorithm: str) -> dict[str, Any]:

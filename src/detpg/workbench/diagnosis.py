@@ -52,7 +52,8 @@ def warnings(rows: list[dict[str, Any]]) -> dict[str, str]:
         )
     if _most(last, "train/exploration") < LEAST_NOISE:
         found["exploration"] = (
-            "actions hardly differ from the mean action, so nothing new is tried: raise sigma."
+            "actions hardly differ from the mean action, so nothing new is tried: raise sigma (dac "
+            "has none: it needs a world that is random itself)."
         )
     changes = [row["train/policy_change"] for row in rows if _known(row, "train/policy_change")]
     if len(changes) >= NUM_ROWS and max(changes[-NUM_ROWS:]) < LEAST_CHANGE:

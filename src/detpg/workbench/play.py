@@ -10,6 +10,7 @@ from jaxtyping import Array, PRNGKeyArray, PyTree
 from detpg import trees
 from detpg.types import Action, Algorithm, Environment, Number, Observation, Transition
 from detpg.wrappers import Metered, Normalised
+from detpg.wrappers.normalised import UNKNOWN
 
 
 class Played(NamedTuple):
@@ -47,7 +48,7 @@ def _unit(learner: Any, state: Any) -> Number:
         return _unit(learner.algorithm, state.learner)
     if isinstance(learner, Normalised) and learner.rewards:
         deviation = state.returns.deviation
-        return jnp.where(jnp.isfinite(deviation), deviation, jnp.ones_like(deviation))
+        return jnp.where(deviation < UNKNOWN / 2, deviation, jnp.ones_like(deviation))
     return jnp.ones(())
 
 

@@ -74,6 +74,7 @@ def train_in(
     *,
     own: Policy | str | None = None,
     world: Any = None,
+    started: Callable[[], None] = lambda: None,
     report: Callable[[Progress], None] = lambda progress: None,
     should_stop: Callable[[], bool] = lambda: False,
 ) -> Stopped:
@@ -84,6 +85,7 @@ def train_in(
         config: Of the run. Its steps may be more than those of an earlier session.
         own: The user's policy, or where it stands as FILE.py:NAME.
         world: The user's own, where the configuration names none.
+        started: Called once all that was named is known to be there.
         report: Called after every interval.
         should_stop: Asked after every interval; a run that is stopped is checkpointed first.
 
@@ -100,6 +102,7 @@ def train_in(
         session = Session(config, engine, learner(config, engine.spec, policy))
         session.check_steps("steps", config.steps)
         with opened(path, config, engine.spec, engine.bounds):
+            started()
             return _Recorder(path, session, report).train(should_stop)
     except OSError as error:
         raise RunDirectoryError(

@@ -22,6 +22,7 @@ from detpg.types import (
 
 MOST = 10.0  # standard deviations: what lies further out is cut off
 LEAST_VARIANCE = 1e-8
+UNKNOWN = 1e18  # in place of a deviation; finite, also its square
 
 
 class Moments(eqx.Module):
@@ -45,9 +46,9 @@ class Moments(eqx.Module):
 
     @property
     def deviation(self) -> Float[Array, "..."]:
-        """The standard deviation; infinite before two values were seen, so that all counts 0."""
+        """The standard deviation; immense before two values were seen, so that all counts 0."""
         variance = self.squares / jnp.maximum(self.count, 1.0)
-        known = jnp.where(self.count < 2, jnp.full_like(variance, jnp.inf), variance)
+        known = jnp.where(self.count < 2, jnp.full_like(variance, UNKNOWN**2), variance)
         return jnp.sqrt(known + LEAST_VARIANCE)
 
 

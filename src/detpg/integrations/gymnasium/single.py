@@ -63,6 +63,7 @@ class GymnasiumEnv(gymnasium.Env[np.ndarray, np.ndarray]):
         self.observation_space, self.action_space = spaces_of(self.environment)
         self.episode: Episode | None = None
         self._action: np.ndarray | None = None
+        self._path: list[np.ndarray] = []
         self._window = _open_window(self.environment) if render_mode == "human" else None
 
     def reset(
@@ -70,7 +71,7 @@ class GymnasiumEnv(gymnasium.Env[np.ndarray, np.ndarray]):
     ) -> tuple[np.ndarray, dict[str, Any]]:
         super().reset(seed=seed)
         self.episode, observation = _begin(self.environment, draw(self.np_random))
-        self._action = None
+        self._action, self._path = None, []
         self._show()
         return np.array(observation), {}
 
@@ -96,9 +97,18 @@ class GymnasiumEnv(gymnasium.Env[np.ndarray, np.ndarray]):
     def _picture(self) -> np.ndarray:
         from detpg.figures.frames import render
 
-        return render(self.environment, started(self.episode).state, PIXELS, self._action)
+        state = started(self.episode).state
+        return render(self.environment, state, PIXELS, self._action, self._path)
 
     def _show(self) -> None:
+        """Notes where the octopus arm's tip is, for its trace, and shows the window if there is."""
+        if self.render_mode is None:
+            return
+        from detpg.figures.frames import tip
+
+        where = tip(self.environment, started(self.episode).state)
+        if where is not None:
+            self._path.append(where)
         if self._window is not None:
             self._window.show(self._picture(), 1 / RENDER_FPS)
 
