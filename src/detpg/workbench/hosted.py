@@ -14,7 +14,7 @@ from jaxtyping import Array, Float, Int, Key, PRNGKeyArray, PyTree
 from detpg import trees
 from detpg.policies import cap
 from detpg.training import StepKeys
-from detpg.types import Algorithm, Transition
+from detpg.types import Action, Algorithm, Transition
 from detpg.workbench.compiled import EVALUATION, LEARNING
 from detpg.workbench.config import Config
 from detpg.workbench.play import Played, discount, worth
@@ -120,13 +120,18 @@ class Hosted:
             return _acts(self.learner, keys[:, RESET], *_parted(learner), observation)
 
         action = jax.jit(jax.vmap(act))(self._keys, learner, observation)
-        self._action = np.asarray(self._carried_out(action)).reshape(self._worlds.num, -1)
+        self._action = np.asarray(self._all_carried_out(action))
         return HostState(learner, jnp.asarray(observation), action, jnp.asarray(step, dtype=int))
 
     def _seed(self, *words: int) -> int:
         return int(np.random.SeedSequence([self._config.seed, *words]).generate_state(1)[0])
 
-    def _carried_out(self, action: Array) -> Array:
+    def _all_carried_out(
+        self, actions: Float[Array, "seeds worlds act"]
+    ) -> Float[Array, "all act"]:
+        return jax.vmap(self._carried_out)(actions.reshape(self._worlds.num, -1))
+
+    def _carried_out(self, action: Action) -> Action:
         # A learner that is lost stops neither the others nor the interval at whose end it is named.
         action = jnp.where(jnp.isfinite(action), action, jnp.zeros_like(action))
         return in_world_units(cap(action, self.spec.bounds), self.bounds)
@@ -164,8 +169,7 @@ class Hosted:
             size, num_envs = self.spec.observation_size, self._config.num_envs
             start = seen[..., size : 2 * size]
             after = HostState(learner, start, action, state.steps + num_envs)
-            world_action = self._carried_out(action).reshape(self._worlds.num, -1)
-            return jax.tree.leaves(after), world_action
+            return jax.tree.leaves(after), self._all_carried_out(action)
 
         return program
 
