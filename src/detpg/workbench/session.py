@@ -173,7 +173,7 @@ class Session:
             return [{"seed": i, "step": self.step} for i in range(self.config.seeds)]
         learners = self.engine.metered(self.kept.state)
         rows = read_meter(learners.meter, acted=self.config.data is None)
-        fresh = dataclasses.replace(learners, meter=jax.vmap(lambda m: m.read())(learners.meter))
+        fresh = dataclasses.replace(learners, meter=learners.meter.read())
         state = self.engine.with_learners(self.kept.state, fresh)
         self.kept = self.kept._replace(state=state)
         return [{"seed": i, "step": self.step, **row} for i, row in enumerate(rows)]
