@@ -66,18 +66,17 @@ def by_hand(name, num):
     learner, own = learner_of(name), LEARNERS[name][1]
     act, update = (jax.jit(functools.partial(step)) for step in (learner.act, learner.update))
     key = jax.random.fold_in(jax.random.fold_in(jax.random.key(SEED), 0), 0)
-    loop_key, begin_key = jax.random.split(key)
-    shared = learner.init(begin_key)
+    shared = learner.init(jax.random.split(key)[1])
     kept = [{field: getattr(shared, field) for field in own} for _ in range(num)]
     seeds = [np.random.SeedSequence([SEED, 0, 0, i]).generate_state(1)[0] for i in range(num)]
     worlds = [Slope() for _ in range(num)]
 
     def streams(step):
-        keys = jax.random.split(jax.random.fold_in(loop_key, step), (num, 4))
+        keys = jax.random.split(jax.random.fold_in(key, step), (num, 4))
         return [StepKeys(*key) for key in keys]
 
     seen = [world.reset(seed=int(seed))[0] for world, seed in zip(worlds, seeds)]
-    actions = [act(stream.reset, shared, x) for stream, x in zip(streams(0), seen)]
+    actions = [act(stream.environment, shared, x) for stream, x in zip(streams(0), seen)]
     for call in range(STEPS // num):
         streamed = streams(call * num)
         for i, world in enumerate(worlds):

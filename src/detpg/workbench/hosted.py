@@ -21,7 +21,7 @@ from detpg.workbench.play import Played, discount, worth
 from detpg.wrappers import of_each_world, several_worlds
 from detpg.wrappers.controller import in_world_units
 
-RESET = StepKeys._fields.index("reset")
+START = StepKeys._fields.index("environment")  # of no use to a world of the host
 LONGEST = 100_000  # steps after which an episode of an evaluation is given up
 
 
@@ -91,16 +91,14 @@ class Hosted:
         self.learner = learner
         root = jax.random.fold_in(jax.random.key(self._config.seed), LEARNING)
         numbers = np.arange(self._config.seeds)
-        keys = jax.vmap(functools.partial(jax.random.fold_in, root))(numbers)
-        # As in `training.train`: the keys of the steps have a branch of their own.
-        split = jax.vmap(jax.random.split)(keys)
-        self._keys, self._begin_keys = split[:, 0], split[:, 1]
+        self._keys = jax.vmap(functools.partial(jax.random.fold_in, root))(numbers)
 
     def begin(self) -> HostState:
         """Before the first step."""
+        keys = jax.vmap(lambda key: jax.random.split(key)[1])(self._keys)
         worlds = self._config.num_envs
         fresh = jax.vmap(lambda key: several_worlds(self.learner.init(key), worlds))
-        return self._started(jax.jit(fresh)(self._begin_keys), step=0)
+        return self._started(jax.jit(fresh)(keys), step=0)
 
     def resume(self, state: HostState, step: int) -> HostState:
         """The learners as they were, in new episodes: traces and correlated noise start anew."""
@@ -117,7 +115,7 @@ class Hosted:
 
         def act(key: PRNGKeyArray, learner: PyTree, observation: Array) -> Array:
             keys = _step_keys(key, step, self._config.num_envs)
-            return _acts(self.learner, keys[:, RESET], *_parted(learner), observation)
+            return _acts(self.learner, keys[:, START], *_parted(learner), observation)
 
         action = jax.jit(jax.vmap(act))(self._keys, learner, observation)
         self._action = np.asarray(self._all_carried_out(action))
