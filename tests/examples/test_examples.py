@@ -26,7 +26,8 @@ def script(name):
 
 
 def test_all_are_run():
-    assert sorted(STEPS) == sorted(path.stem for path in (ROOT / "examples").glob("*.py"))
+    there = {path.stem for path in (ROOT / "examples").glob("*.py")}
+    assert there == {*STEPS, "run_onnx"}  # the last is run where a controller is exported
 
 
 @pytest.mark.parametrize("name", STEPS)

@@ -14,6 +14,7 @@ from tests.integrations.exported import SPEC, with_policy
 import detpg.workbench
 from detpg.cli import main
 from detpg.integrations.export import export, load_json, reader
+from made_runs import write_run
 
 ROOT = Path(__file__).parents[2]
 SEEN = [0.3, -0.2, 4.5]
@@ -87,9 +88,8 @@ class FakeRun:
 
     spec = SPEC
 
-    def __init__(self, path):
-        if not path.is_dir():
-            raise ValueError(f"{path} is no run.")
+    def __init__(self, path, own):
+        """In the place of `open_run`."""
 
     def controller(self, which, index):
         return with_policy({"best": "tanh", "last": "own"}[which], normalised=index == 1)
@@ -98,15 +98,22 @@ class FakeRun:
 def test_the_command(tmp_path, monkeypatch, capsys: pytest.CaptureFixture[str]):
     monkeypatch.setattr(detpg.workbench, "open_run", FakeRun, raising=False)
     monkeypatch.chdir(tmp_path)
-    main(["export", str(tmp_path), "--format", "json", "--seed-index", "1"])
+    write_run(tmp_path / "run")
+    main(["export", "run", "--format", "json", "--seed-index", "1"])
     said = capsys.readouterr().out
     assert said.startswith("written to controller.json: ")
     about = load_json(tmp_path / "controller.json").about
     assert about["environment"] == "world"
     for words, sentence in (
-        (["export", "nothing", "--format", "json"], "nothing is no run."),
-        (["export", ".", "--format", "json", "--policy", "last"], "Own is not one of the library"),
-        (["export", ".", "--format", "json", "--output", "no/where.json"], "cannot be written to"),
+        (["export", "nothing", "--format", "json"], "nothing is not a run: name"),
+        (
+            ["export", "run", "--format", "json", "--policy", "last"],
+            "Own is not one of the library",
+        ),
+        (
+            ["export", "run", "--format", "json", "--output", "no/where.json"],
+            "cannot be written to",
+        ),
     ):
         with pytest.raises(SystemExit) as stop:
             main(words)
