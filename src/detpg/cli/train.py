@@ -59,7 +59,7 @@ class Resume:
         """
         from detpg.runs import RunDirectoryError
         from detpg.workbench.config import Config
-        from detpg.workbench.run import found_config
+        from detpg.workbench.folder import found_config
 
         try:
             found = found_config(self.path)
@@ -80,7 +80,7 @@ def _train(command: Any) -> None:
     from detpg.workbench.config import Config
 
     try:
-        config = Config(algorithm=command.algorithm, **_settings(command))
+        config = Config.from_json({"algorithm": command.algorithm, **_settings(command)})
     except (TypeError, ValueError) as error:
         raise UserError(str(error)) from error
     if command.config is None and _knows(config.environment, config.algorithm):
@@ -115,8 +115,7 @@ def _settings(command: Any) -> dict[str, Any]:
             found["environment_options"] = dict(map(_pair, value))
         else:
             found[field.name] = value
-    hidden = {"hidden": tuple(found["hidden"])} if "hidden" in found else {}
-    return {**found, **hidden, "options": options}
+    return {**found, "options": options}
 
 
 def _knows(environment: str | None, algorithm: str) -> bool:

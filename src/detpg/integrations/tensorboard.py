@@ -1,5 +1,6 @@
 """Scalars as TensorBoard event files, a folder for each seed."""
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -24,9 +25,9 @@ class Scalars:
         ]
 
     def write(self, seed: int, step: int, values: Mapping[str, Any]) -> None:
-        """Adds the values that are not None."""
+        """Adds the values that are finite numbers; others could not be drawn."""
         for name, value in values.items():
-            if value is not None:
+            if value is not None and math.isfinite(value):
                 self._writers[seed].add_scalar(name, value, step)
 
     def flush(self) -> None:

@@ -46,7 +46,16 @@ class Compiled:
             )
 
     def use(self, learner: Algorithm) -> None:
-        """The learner that is driven."""
+        """The learner that is driven.
+
+        Raises:
+            ValueError: It learns from batches of one-step episodes, and this world has longer ones.
+        """
+        if learner.batch_size is not None and self.spec.time_limit != 1:
+            raise ValueError(
+                f"The learner takes batches of {learner.batch_size} one-step episodes of a bandit, "
+                f"but {self.spec.name!r} is a world of steps: choose another algorithm."
+            )
         self.learner = learner
         root = jax.random.fold_in(jax.random.key(self._config.seed), LEARNING)
         self._keys = jax.vmap(functools.partial(jax.random.fold_in, root))(

@@ -5,7 +5,7 @@ import json
 import math
 import tomllib
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 SETTINGS = Path(__file__).parent / "settings"
 TUNED = "tuned"  # instead of a file: what is known of the environment
@@ -91,10 +91,12 @@ class Config:
         unknown = [name for name in found if name not in known]
         if unknown:
             raise ValueError(f"{unknown[0]!r} is no setting of a run: leave it out.")
-        hidden = tuple(found.get("hidden", cls.hidden))
+        units = found.get("hidden", cls.hidden)
+        hidden = tuple(units) if isinstance(units, list | tuple) else (units,)
         return cls(**{**found, "hidden": hidden})
 
 
+CHOICES = {"value": get_args(ValueKind), "normalise": get_args(Normalise)}
 POSITIVE = (
     "steps",
     "seeds",
@@ -116,6 +118,7 @@ def _check(config: Config) -> None:
     Raises:
         ValueError: Names the setting, its value and what would do.
     """
+    _check_kinds(config)
     for name in POSITIVE:
         if getattr(config, name) < 1:
             raise ValueError(f"{name} = {getattr(config, name)} is not usable: give 1 or more.")
@@ -138,6 +141,27 @@ def _check(config: Config) -> None:
         )
     if config.environment is None and config.data is None:
         raise ValueError("There is nothing to learn from: name an environment, or give data.")
+
+
+def _check_kinds(config: Config) -> None:
+    """Refuses what a file can hold but no setting is."""
+    whole = [(name, getattr(config, name)) for name in (*POSITIVE, "seed", "time_limit")]
+    for name, value in [*whole, *(("hidden", units) for units in config.hidden)]:
+        if name == "time_limit" and value is None:
+            continue
+        if not isinstance(value, int) or isinstance(value, bool):
+            raise ValueError(f"{name} = {value!r} is no whole number: give one, such as 1000.")
+    for name, known in CHOICES.items():
+        if getattr(config, name) not in known:
+            raise ValueError(
+                f"{name} = {getattr(config, name)!r} is unknown: choose one of {', '.join(known)}."
+            )
+    for name in ("algorithm", "environment", "data", "policy"):
+        if not isinstance(getattr(config, name), str | None):
+            raise ValueError(f"{name} = {getattr(config, name)!r} is no name: give text.")
+    for name in ("options", "environment_options"):
+        if not isinstance(getattr(config, name), dict):
+            raise ValueError(f"{name} = {getattr(config, name)!r} is no table of names and values.")
 
 
 def tuned(environment: str | None) -> tuple[Path | None, list[str]]:
@@ -165,6 +189,7 @@ def read_settings(path: Path, algorithm: str) -> dict[str, Any]:
         ) from error
     if not isinstance(found, dict):
         raise ValueError(f"{path} holds no settings: give `name = value` lines.")
+    found = found.get("run", found)  # of a run's `config.json`
     tables = {name: value for name, value in found.items() if isinstance(value, dict)}
     own = tables.pop(algorithm, {})
     flat = {n: v for n, v in found.items() if not isinstance(v, dict)} | own

@@ -9,18 +9,19 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int, PRNGKeyArray, PyTree
+from jaxtyping import Array, Float, Int, Key, PRNGKeyArray, PyTree
 
 from detpg import trees
 from detpg.policies import cap
 from detpg.training import StepKeys
-from detpg.types import Algorithm, Transition
+from detpg.types import Action, Algorithm, Transition
 from detpg.workbench.compiled import EVALUATION, LEARNING
 from detpg.workbench.config import Config
 from detpg.workbench.play import Played, discount, worth
 from detpg.wrappers import of_each_world, several_worlds
 from detpg.wrappers.controller import in_world_units
 
+START = StepKeys._fields.index("environment")  # of no use to a world of the host
 LONGEST = 100_000  # steps after which an episode of an evaluation is given up
 
 
@@ -66,6 +67,11 @@ class Hosted:
         self._config, self._opened = config, opened
         self._shape = config.seeds, config.num_envs
         self._worlds = opened(config.seeds * config.num_envs)
+        if self._worlds.num != config.seeds * config.num_envs:
+            raise ValueError(
+                f"{self._worlds.spec.name!r} has {self._worlds.num} copies, which is not seeds * "
+                f"num_envs = {config.seeds} * {config.num_envs}: give numbers that fit."
+            )
         self.bounds = self._worlds.spec.bounds
         low, high = self.bounds.scaled
         self.spec = dataclasses.replace(self._worlds.spec, action_low=low, action_high=high)
@@ -108,17 +114,24 @@ class Hosted:
         observation = self._worlds.reset(seeds).reshape(*self._shape, -1)
 
         def act(key: PRNGKeyArray, learner: PyTree, observation: Array) -> Array:
-            keys = jax.random.split(jax.random.fold_in(key, step), self._config.num_envs)
-            return _acts(self.learner, keys, *_parted(learner), observation)
+            keys = _step_keys(key, step, self._config.num_envs)
+            return _acts(self.learner, keys[:, START], *_parted(learner), observation)
 
         action = jax.jit(jax.vmap(act))(self._keys, learner, observation)
-        self._action = np.asarray(self._carried_out(action)).reshape(self._worlds.num, -1)
+        self._action = np.asarray(self._all_carried_out(action))
         return HostState(learner, jnp.asarray(observation), action, jnp.asarray(step, dtype=int))
 
     def _seed(self, *words: int) -> int:
         return int(np.random.SeedSequence([self._config.seed, *words]).generate_state(1)[0])
 
-    def _carried_out(self, action: Array) -> Array:
+    def _all_carried_out(
+        self, actions: Float[Array, "seeds worlds act"]
+    ) -> Float[Array, "all act"]:
+        return jax.vmap(self._carried_out)(actions.reshape(self._worlds.num, -1))
+
+    def _carried_out(self, action: Action) -> Action:
+        # A learner that is lost stops neither the others nor the interval at whose end it is named.
+        action = jnp.where(jnp.isfinite(action), action, jnp.zeros_like(action))
         return in_world_units(cap(action, self.spec.bounds), self.bounds)
 
     def advance(self, state: HostState, steps: int) -> HostState:
@@ -154,8 +167,7 @@ class Hosted:
             size, num_envs = self.spec.observation_size, self._config.num_envs
             start = seen[..., size : 2 * size]
             after = HostState(learner, start, action, state.steps + num_envs)
-            world_action = self._carried_out(action).reshape(self._worlds.num, -1)
-            return jax.tree.leaves(after), world_action
+            return jax.tree.leaves(after), self._all_carried_out(action)
 
         return program
 
@@ -174,22 +186,24 @@ class Hosted:
 
     def play(self, learners: PyTree, episodes: int, seed: int) -> Played:
         """Episodes of the mean policies in worlds of their own; their seeds are no learner's."""
-        worlds, num = self._evaluated, self._config.seeds
+        worlds, num = self._evaluated, self._evaluated.num
         own = int(np.random.SeedSequence([seed, EVALUATION]).generate_state(1)[0])
-        observation = worlds.reset([own] * num)
+        # The same episodes for all learners; of a vector environment each has several copies.
+        copies = num // self._config.seeds
+        observation = worlds.reset([own + i % copies for i in range(num)])
         gamma, limit = discount(self.learner), worlds.spec.time_limit
         rows: list[list[tuple[float, ...]]] = [[] for _ in range(num)]
-        action, value = self._worth(learners, observation)
-        total, length, earned, first = (np.zeros(num) for _ in range(4))
-        first += value
-        while min(map(len, rows)) < episodes:
+        action, first = self._worth(learners, observation)
+        total, length, earned = (np.zeros(num) for _ in range(3))
+        while min(map(len, rows)) * copies < episodes:
             step = worlds.step(action)
             total += step.reward
             earned += gamma**length * step.reward
-            length += 1
+            length += step.valid
             over = step.terminated | step.truncated
             tails = self._worth(learners, step.next_observation)[1] if over.any() else total
             action, value = self._worth(learners, step.observation)
+            first = np.where(step.valid, first, value)  # this call only began an episode
             for i in np.flatnonzero(over):
                 tail = 0.0 if step.terminated[i] else gamma ** length[i] * tails[i]
                 rows[i].append((total[i], length[i], earned[i] + tail, first[i]))
@@ -200,16 +214,19 @@ class Hosted:
                     f"An episode of {self.spec.name!r} did not end in {int(length.max())} steps: "
                     "cut it with time_limit."
                 )
-        table = np.array([row[:episodes] for row in rows])
-        return Played(*np.moveaxis(table, -1, 0))
+        least = min(map(len, rows))
+        table = np.array([row[:least] for row in rows]).reshape(self._config.seeds, -1, 4)
+        return Played(*np.moveaxis(table[:, :episodes], -1, 0))
 
     @functools.cached_property
     def _evaluated(self) -> Any:
+        """A world for each learner; a vector environment has its own number, as in training."""
         return self._opened(self._config.seeds)
 
     def _worth(self, learners: PyTree, observation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        action, value = self._worths(learners, observation)
-        return np.asarray(action), np.asarray(value)
+        shaped = observation.reshape(self._config.seeds, -1, observation.shape[-1])
+        action, value = self._worths(learners, shaped)
+        return np.array(action).reshape(len(observation), -1), np.array(value).reshape(-1)
 
     @functools.cached_property
     def _worths(self) -> Callable[..., Any]:
@@ -217,7 +234,7 @@ class Hosted:
             action, value = worth(self.learner, state, observation)
             return self._carried_out(action), value
 
-        return jax.jit(jax.vmap(one))
+        return jax.jit(jax.vmap(jax.vmap(one, in_axes=(None, 0))))
 
     def close(self) -> None:
         """Closes the worlds."""
@@ -229,6 +246,11 @@ class Hosted:
 def _parted(learner: PyTree) -> tuple[PyTree, PyTree]:
     """What each world has, and what they share."""
     return eqx.partition(learner, of_each_world(learner))
+
+
+def _step_keys(key: PRNGKeyArray, steps: Any, worlds: int) -> Key[Array, "worlds 4"]:
+    """The streams of one step in each world, in the order of `StepKeys`."""
+    return jax.random.split(jax.random.fold_in(key, steps), (worlds, len(StepKeys._fields)))
 
 
 def _acts(
@@ -251,7 +273,7 @@ def _learn(
 ) -> tuple[PyTree, Float[Array, "worlds act"]]:
     """Learns from the worlds one after another, then chooses an action in each."""
     size = observation.shape[-1]
-    keys = jax.random.split(jax.random.fold_in(key, steps), (observation.shape[0], 4))
+    keys = _step_keys(key, steps, observation.shape[0])
     own, shared = _parted(learner)
 
     def body(shared: PyTree, world: Any) -> tuple[PyTree, PyTree]:

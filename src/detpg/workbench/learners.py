@@ -85,7 +85,7 @@ def bare(config: Config, spec: EnvironmentSpec, own: Policy | None) -> Algorithm
             raise ValueError(f"{config.algorithm} has a policy of its own: leave policy out.")
         return kind.create(spec, **config.options)
     if "policy" in needed:
-        parts["policy"] = own or _policy(config, spec)
+        parts["policy"] = _policy(config, spec) if own is None else own
     if "action_value" in needed:
         parts["action_value"] = _action_value(config, spec)
     if "state_value" in needed:

@@ -13,10 +13,11 @@ from detpg.runs import RunDirectoryError, read_arrays
 from detpg.types import Bounds, Environment, EnvironmentSpec, Policy
 from detpg.workbench.config import Config
 from detpg.workbench.engines import engine_of, hosted_worlds, own_world
+from detpg.workbench.folder import found_config
 from detpg.workbench.learners import learner
 from detpg.workbench.own import needs_own, own_policy
 from detpg.workbench.play import Played
-from detpg.workbench.run import BEST, LAST, found_config
+from detpg.workbench.run import BEST, LAST
 from detpg.workbench.session import controller
 from detpg.workbench.tables import evaluations_table
 from detpg.wrappers import Controller

@@ -1,6 +1,7 @@
 """A controller of the user's own, named on the command line as FILE.py:NAME."""
 
 import importlib.util
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +29,9 @@ def own_policy(words: str, spec: EnvironmentSpec) -> Policy:
     found = getattr(_loaded(path, words), name, None)
     if found is None:
         raise ValueError(f"policy {words!r} cannot be loaded: {file} has no {name!r}.")
-    policy: Any = found if isinstance(found, Policy) else _built(found, words, spec)
+    # A class has the methods too, but without an object.
+    made = isinstance(found, Policy) and not isinstance(found, type)
+    policy: Any = found if made else _built(found, words, spec)
     if not isinstance(policy, Policy):
         raise ValueError(
             f"{words} is no policy: give an object with init(key) and __call__(theta, "
@@ -46,10 +49,11 @@ def needs_own(path: Path, config: Config) -> str:
 
 
 def _loaded(path: Path, words: str) -> Any:
-    module_spec = importlib.util.spec_from_file_location(path.stem, path)
+    module_spec = importlib.util.spec_from_file_location(f"own_policy_{path.stem}", path)
     if module_spec is None or module_spec.loader is None:
         raise ValueError(f"policy {words!r} cannot be loaded: give a Python file.")
     module = importlib.util.module_from_spec(module_spec)
+    sys.modules[module_spec.name] = module  # where dataclasses look for it
     try:
         module_spec.loader.exec_module(module)
     except Exception as error:

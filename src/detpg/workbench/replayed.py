@@ -73,7 +73,7 @@ class Replayed:
         """Before the first step."""
 
         def one(key: Any) -> ReplayState:
-            learner = self.learner.init(jax.random.split(key)[1])
+            learner = self.learner.init(jax.random.split(key, 3)[2])  # as `learn_from` begins
             return ReplayState(learner, jax.numpy.asarray(0, dtype=int))
 
         return jax.jit(jax.vmap(one))(self._keys)

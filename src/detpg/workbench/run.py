@@ -1,9 +1,8 @@
 """A run in a directory: trained, kept at checkpoints, resumed where it stood."""
 
 import contextlib
-import json
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,21 +12,12 @@ import pyarrow as pa
 from jaxtyping import PyTree
 
 from detpg.integrations.tensorboard import Scalars
-from detpg.runs import (
-    MARK,
-    Checkpoints,
-    RunDirectoryError,
-    locked,
-    provenance,
-    write_arrays,
-    write_atomically,
-    write_json,
-)
+from detpg.runs import Checkpoints, RunDirectoryError, write_arrays
 from detpg.types import Policy
-from detpg.version import __version__
 from detpg.workbench.config import Config
 from detpg.workbench.diagnosis import DivergedError, warnings
 from detpg.workbench.engines import engine_of
+from detpg.workbench.folder import CHECKPOINTS, opened
 from detpg.workbench.learners import learner
 from detpg.workbench.own import needs_own, own_policy
 from detpg.workbench.session import Interval, Kept, Session
@@ -42,7 +32,7 @@ from detpg.workbench.tables import (
     write_table,
 )
 
-CONFIG, CHECKPOINTS, TENSORBOARD = "config.json", "checkpoints", "tensorboard"
+TENSORBOARD = "tensorboard"
 BEST, LAST = "best.npz", "last.npz"
 
 
@@ -110,7 +100,8 @@ def train_in(
             raise RunDirectoryError(needs_own(path, config))
         policy = own_policy(own, engine.spec) if isinstance(own, str) else own
         session = Session(config, engine, learner(config, engine.spec, policy))
-        with _opened(path, config, engine.spec, engine.bounds):
+        session.check_steps("steps", config.steps)
+        with opened(path, config, engine.spec, engine.bounds):
             started()
             return _Recorder(path, session, report).train(should_stop)
     except OSError as error:
@@ -120,70 +111,6 @@ def train_in(
         ) from error
     finally:
         engine.close()
-
-
-@contextlib.contextmanager
-def _opened(path: Path, config: Config, spec: Any, bounds: Any) -> Iterator[None]:
-    found = found_config(path)
-    own = {MARK: __version__, **config.identity}
-    if found is not None:
-        before = {MARK: found.get(MARK), **Config.from_json(found["run"]).identity}
-        different = [name for name in own if own[name] != before[name]]
-        if different:
-            raise RunDirectoryError(
-                f"{path} holds another run (different: {', '.join(different)}): choose another "
-                "--output."
-            )
-    path.mkdir(parents=True, exist_ok=True)
-    with locked(path):
-        content = {
-            MARK: __version__,
-            "algorithm": config.algorithm,
-            "environment": config.environment or config.data,
-            "seeds": config.seeds,
-            "run": config.as_json(),
-            "spec": spec_json(spec, bounds),
-        }
-        write_json(path / CONFIG, content)
-        if found is None:
-            about = provenance(config.as_json())
-            write_json(path / "provenance.json", about)
-            words = about["command"] + "\n"
-            write_atomically(path / "command.txt", lambda file: file.write(words.encode()))
-        yield
-
-
-def found_config(path: Path) -> dict[str, Any] | None:
-    """What `config.json` of a run directory holds; None where the directory is new or empty.
-
-    Raises:
-        RunDirectoryError: It holds something else.
-    """
-    try:
-        found = json.loads((path / CONFIG).read_text())
-        if found[MARK] and found["run"] and found["spec"]:
-            return found
-    except FileNotFoundError:
-        if not path.exists() or not any(entry.name[0] != "." for entry in path.iterdir()):
-            return None
-    except (OSError, ValueError, KeyError, TypeError):
-        pass
-    raise RunDirectoryError(f"{path} is no run of `detpg train`: name another folder.")
-
-
-def spec_json(spec: Any, bounds: Any) -> dict[str, Any]:
-    """The world's sizes and bounds as JSON types; infinite bounds as words."""
-    return {
-        "name": spec.name,
-        "observation_size": spec.observation_size,
-        "action_size": spec.action_size,
-        "action_low": [str(x) for x in bounds.low],
-        "action_high": [str(x) for x in bounds.high],
-        "time_limit": spec.time_limit,
-        "discount": spec.discount,
-        "observation_low": [str(x) for x in spec.observation_low],
-        "observation_high": [str(x) for x in spec.observation_high],
-    }
 
 
 class _Recorder:
@@ -261,8 +188,8 @@ class _Recorder:
                 f"The run diverged: {interval.lost[0]}; {kept}. Lower the step sizes, or normalise "
                 "observations and rewards."
             )
-        if interval.played is None:
-            return
+        if not any("train/policy_change" in row for row in interval.rows):
+            return  # nothing was judged
         for seed in set(range(config.seeds)) - set(interval.lost):
             own = [row for row in self._rows if row["seed"] == seed]
             for kind, words in warnings(own).items():

@@ -97,11 +97,25 @@ class Session:
     def __init__(self, config: Config, engine: Engine, learner: Algorithm):
         """Before the first step."""
         self.config, self.engine, self.learner = config, engine, learner
+        self.check_steps("log_every", config.log_every)
         engine.use(learner)
         state = engine.begin()
         learners = engine.learners(state)
         self.kept = Kept(state, learners, jnp.full(config.seeds, -jnp.inf), learners)
         self.step = 0
+
+    def check_steps(self, name: str, steps: int) -> None:
+        """Refuses a number of steps at whose end an update would stand half done.
+
+        Raises:
+            ValueError: Says of what it must be a multiple.
+        """
+        unit = self.learner.batch_size or self.config.num_envs
+        if steps % unit:
+            raise ValueError(
+                f"{name} = {steps} is no multiple of {unit}, the steps that the learner takes at "
+                "once: give one that is."
+            )
 
     def resume(self, step: int, kept: Kept) -> None:
         """Goes on from a checkpoint."""
@@ -159,7 +173,7 @@ class Session:
             return [{"seed": i, "step": self.step} for i in range(self.config.seeds)]
         learners = self.engine.metered(self.kept.state)
         rows = read_meter(learners.meter, acted=self.config.data is None)
-        fresh = dataclasses.replace(learners, meter=jax.vmap(lambda m: m.read())(learners.meter))
+        fresh = dataclasses.replace(learners, meter=learners.meter.read())
         state = self.engine.with_learners(self.kept.state, fresh)
         self.kept = self.kept._replace(state=state)
         return [{"seed": i, "step": self.step, **row} for i, row in enumerate(rows)]

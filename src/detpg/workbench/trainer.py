@@ -51,6 +51,7 @@ class Trainer:
         kind = algorithm_class(algorithm)
         own = {*hyper_parameters(kind), *switches(kind)}
         options = {name: settings.pop(name) for name in list(settings) if name in own}
+        _check_shared(environment)
         named = isinstance(environment, str)
         self.config = Config.from_json(
             {
@@ -86,6 +87,7 @@ class Trainer:
         """
         if total_timesteps < 1:
             raise ValueError(f"total_timesteps = {total_timesteps} is not usable: give 1 or more.")
+        self.session.check_steps("total_timesteps", total_timesteps)
         until = self.session.step + total_timesteps
         while self.session.step < until:
             interval = self.session.advance(until)
@@ -104,7 +106,12 @@ class Trainer:
             observation: Shape (d,) or (N, d).
             deterministic: The mean action; else with the noise that it learns with.
             seed: Which of several learners.
+
+        Raises:
+            ValueError: An observation of another shape, or no such learner.
         """
+        if not 0 <= seed < self.config.seeds:
+            raise ValueError(f"seed = {seed} is not usable: give 0 to {self.config.seeds - 1}.")
         seen = jnp.asarray(observation, dtype=float)
         size = self.session.engine.spec.observation_size
         if seen.shape[-1:] != (size,) or seen.ndim > 2:
@@ -121,7 +128,13 @@ class Trainer:
         return np.asarray(actions[0] if seen.ndim == 1 else actions), None
 
     def evaluate(self, episodes: int = 10) -> tuple[float, float]:
-        """Mean and standard deviation of the return of the mean policy, over episodes."""
+        """Mean and standard deviation of the return of the mean policy, over episodes.
+
+        Raises:
+            ValueError: No episodes, or no world to play them in.
+        """
+        if episodes < 1:
+            raise ValueError(f"episodes = {episodes} is not usable: give 1 or more.")
         played = self.session.engine.play(self.session.learners, episodes, self.config.seed)
         if played is None:
             raise ValueError("There is no world to play in: the learner has logged data alone.")
@@ -149,24 +162,41 @@ class Trainer:
             RunDirectoryError: The file is absent, damaged, or not of a trainer.
             ValueError: The environment or the policy does not fit.
         """
-        kept = read_arrays(_npz(path))
+        kept = read_arrays(_npz(path)) or {}
         try:
-            settings = json.loads(str((kept or {})[CONFIG]))
-            name, world = settings.pop("algorithm"), settings.pop("environment")
-            kind = settings.pop("policy")
-            trainer = cls(name, environment or world, policy=policy or kind, **_flat(settings))
-            session = trainer.session
-            leaves, structure = jax.tree.flatten(session.kept)
-            found = [(kept or {})[f"leaf{i}"] for i in range(len(leaves))]
-        except (KeyError, TypeError) as error:
+            settings = {**json.loads(str(kept[CONFIG]))}
+            name, world, kind = (settings.pop(x) for x in ("algorithm", "environment", "policy"))
+            step, settings = int(kept[STEP]), _flat(settings)
+        except (KeyError, TypeError, ValueError) as error:
             raise RunDirectoryError(f"{_npz(path)} is missing or no trainer's file.") from error
-        if [leaf.shape for leaf in leaves] != [leaf.shape for leaf in found]:
+        if kind == OWN and policy is None:
+            raise ValueError(
+                f"{_npz(path)} was written by a trainer with a policy of your own: give it again, "
+                "for code is never loaded from a file."
+            )
+        given = kind if policy is None else policy
+        trainer = cls(name, world if environment is None else environment, policy=given, **settings)
+        session = trainer.session
+        leaves, structure = jax.tree.flatten(session.kept)
+        found = [kept.get(f"leaf{i}", np.empty(())) for i in range(len(leaves))]
+        if [(leaf.shape, leaf.dtype) for leaf in leaves] != [(x.shape, x.dtype) for x in found]:
             raise ValueError(
                 f"{_npz(path)} was written by a learner of other sizes: give the environment and "
                 "the policy that it was trained with."
             )
-        session.resume(int((kept or {})[STEP]), structure.unflatten(map(jnp.asarray, found)))
+        session.resume(step, structure.unflatten(map(jnp.asarray, found)))
         return trainer
+
+
+def _check_shared(environment: Any) -> None:
+    """Refuses a world that is built already: to evaluate in it would disturb the training."""
+    import gymnasium
+
+    if isinstance(environment, gymnasium.Env | gymnasium.vector.VectorEnv):
+        raise ValueError(
+            f"The environment {environment} is built already, but evaluations need worlds of their "
+            "own: give its id, or a function that builds it."
+        )
 
 
 def _flat(settings: dict[str, Any]) -> dict[str, Any]:
@@ -174,4 +204,5 @@ def _flat(settings: dict[str, Any]) -> dict[str, Any]:
 
 
 def _npz(path: str | Path) -> Path:
-    return Path(path).with_suffix(".npz")
+    path = Path(path)
+    return path if path.suffix == ".npz" else path.with_name(f"{path.name}.npz")

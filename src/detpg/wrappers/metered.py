@@ -1,6 +1,6 @@
 """What a run is watched by: returns, errors and warning signs, counted inside the compiled loop."""
 
-import dataclasses
+import operator
 from typing import Any, ClassVar
 
 import equinox as eqx
@@ -75,9 +75,12 @@ class Meter(eqx.Module):
         return cls(**zeros | dict.fromkeys(WHOLE, jnp.asarray(0, dtype=int)))
 
     def read(self) -> "Meter":
-        """The meter after it was read: sums are zero again, the episode and the faults stay."""
-        zeros = dict.fromkeys(SUMS, jnp.zeros_like(self.steps))
-        return dataclasses.replace(self, **zeros)
+        """The meter after it was read: sums are zero again, the episode and the faults stay.
+
+        Many meters at once are read likewise, whatever axes they have.
+        """
+        sums = operator.attrgetter(*SUMS)
+        return eqx.tree_at(sums, self, replace_fn=jnp.zeros_like)
 
 
 class MeteredState(eqx.Module):

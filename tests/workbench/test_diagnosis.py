@@ -1,0 +1,124 @@
+"""Warnings: each for a run that shows it, none for a healthy one."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from detpg.workbench import Config, train_in
+from detpg.workbench.compiled import Compiled
+from detpg.workbench.diagnosis import faults, warnings
+from detpg.wrappers import Meter
+
+HEALTHY = {
+    "train/saturated": 0.1,
+    "train/exploration": 0.3,
+    "train/policy_change": 1e-3,
+    "eval/value_bias": 0.2,
+    "eval/value_scale": 1.0,
+}
+SICK = {
+    "saturated": {"train/saturated": 0.95},
+    "exploration": {"train/exploration": 1e-4},
+    "stuck": {"train/policy_change": 0.0},
+    "overestimated": {"eval/value_bias": 2.5, "eval/value_scale": 1.0},
+}
+
+
+def rows(*changes):
+    return [HEALTHY | change for change in changes]
+
+
+def test_a_healthy_run_is_told_nothing():
+    assert warnings(rows({}, {}, {}, {})) == {}
+    assert warnings([]) == {}
+
+
+@pytest.mark.parametrize("kind", SICK)
+def test_each_sign_has_its_warning_once_three_rows_agree(kind):
+    sick = SICK[kind]
+    assert list(warnings(rows({}, sick, sick, sick))) == [kind]
+    assert warnings(rows(sick, sick)) == {}
+    assert warnings(rows(sick, sick, {})) == {}
+    assert warnings(rows(sick, {}, sick)) == {}
+
+
+@pytest.mark.parametrize("kind", SICK)
+def test_what_was_not_measured_warns_of_nothing(kind):
+    for nothing in (None, float("nan")):
+        unknown = dict.fromkeys(SICK[kind], nothing)
+        assert warnings(rows(unknown, unknown, unknown)) == {}
+
+
+def test_rows_between_evaluations_do_not_hide_what_those_show():
+    between = {"train/policy_change": None, "eval/value_bias": None, "eval/value_scale": None}
+    sick = SICK["stuck"] | SICK["overestimated"]
+    found = warnings(rows(sick, between, sick, between, sick, between))
+    assert set(found) == {"stuck", "overestimated"}
+    assert "promises 2.5 more than episodes return (their size is 1)" in found["overestimated"]
+
+
+def test_a_value_below_the_return_is_no_overestimate():
+    low = {"eval/value_bias": -50.0}
+    assert warnings(rows(low, low, low)) == {}
+
+
+def test_faults_are_named_for_each_learner():
+    of_each = {"fault": [0, 3, 0, 4], "fault_step": [0, 17, 0, 5], "age": [40] * 4}
+    several = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, 4), Meter.new())
+    meter = eqx.tree_at(
+        lambda tree: [getattr(tree, name) for name in of_each],
+        several,
+        list(map(jnp.asarray, of_each.values())),
+    )
+    assert faults(meter, np.array([True, True, False, False])) == {
+        1: "the reward of step 17 is not finite",
+        2: "a parameter is not finite at step 40",
+        3: "the TD error of step 5 is not finite",
+    }
+
+
+EVERY = {"log_every": 10, "evaluate_every": 10, "checkpoint_every": 10, "evaluation_episodes": 1}
+
+
+def told(path, **changes):
+    found = []
+    config = Config(
+        **{"algorithm": "opdac", "environment": "lqr", "time_limit": 10, "steps": 40}
+        | EVERY
+        | changes
+    )
+    train_in(path, config, report=lambda progress: found.extend(progress.messages))
+    return found
+
+
+def test_a_learner_that_cannot_move_is_told_so_once_for_each_seed(tmp_path):
+    options = {"alpha_theta": 0.0, "sigma": 0.0}
+    found = told(tmp_path / "run", options=options, seeds=2, policy="linear", value="quadratic")
+    kinds = ["actions hardly differ from the mean action", "the policy changed by less than"]
+    for seed in (0, 1):
+        own = [words for words in found if words.startswith(f"seed {seed}: ")]
+        assert len(own) == 2
+        assert all(any(kind in words for words in own) for kind in kinds)
+
+
+def test_one_lost_learner_of_two_is_named_and_the_other_goes_on(tmp_path, monkeypatch):
+    begin = Compiled.begin
+
+    def theta(state):
+        return state.learner.learner.theta
+
+    def spoilt(self):
+        state = begin(self)
+        return eqx.tree_at(theta, state, theta(state).at[1].set(jnp.nan))
+
+    monkeypatch.setattr(Compiled, "begin", spoilt)
+    small = {"policy": "linear", "value": "quadratic", "normalise": "none"}
+    found = told(tmp_path / "run", seeds=2, **small)
+    assert [words for words in found if "is lost" in words] == [
+        "seed 1: is lost: the TD error of step 0 is not finite."
+    ]
+    table = pq.read_table(tmp_path / "run" / "evaluations.parquet").to_pylist()
+    assert all(np.isfinite(row["return"]) == (row["seed"] == 0) for row in table)
