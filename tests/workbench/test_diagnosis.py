@@ -117,8 +117,8 @@ def test_one_lost_learner_of_two_is_named_and_the_other_goes_on(tmp_path, monkey
     monkeypatch.setattr(Compiled, "begin", spoilt)
     small = {"policy": "linear", "value": "quadratic", "normalise": "none"}
     found = told(tmp_path / "run", seeds=2, **small)
-    assert [words for words in found if "is lost" in words] == [
-        "seed 1: is lost: the TD error of step 0 is not finite."
+    assert [words for words in found if "lost, " in words] == [
+        "seed 1: lost, the TD error of step 0 is not finite."
     ]
     table = pq.read_table(tmp_path / "run" / "evaluations.parquet").to_pylist()
     assert all(np.isfinite(row["return"]) == (row["seed"] == 0) for row in table)

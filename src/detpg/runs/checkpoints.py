@@ -1,7 +1,9 @@
 """Checkpoints: whole or not there, checked when they are read, the last few kept."""
 
+import errno
 import hashlib
 import json
+import os
 import shutil
 from pathlib import Path
 from typing import Any
@@ -52,7 +54,9 @@ class Checkpoints:
             write_json(self._digest(step), _digests(folder))
         except (OSError, ValueError, RuntimeError) as error:  # tensorstore's errors are the last
             good = f"the last good one is {self.steps[-1]}" if self.steps else "there is none"
-            reason = getattr(error, "strerror", None) or str(error).splitlines()[0]
+            full = os.strerror(errno.ENOSPC)  # which tensorstore wraps in several lines
+            words = getattr(error, "strerror", None) or str(error).splitlines()[0]
+            reason = full if full in str(error) else words
             raise RunDirectoryError(
                 f"The checkpoint of step {step} cannot be written to {self.path} ({reason}): make "
                 f"room or choose another --output; {good}."

@@ -73,7 +73,7 @@ class Compiled:
 
     def advance(self, state: TrainState, steps: int) -> TrainState:
         """That many steps on."""
-        return self._program(steps)(self._keys, state)
+        return self._program(steps)(self.learner, self._keys, state)
 
     def learners(self, state: TrainState) -> PyTree:
         """States of the learners, seeds first."""
@@ -91,21 +91,23 @@ class Compiled:
         """Episodes of the mean policies; their seeds are no learner's."""
         root = jax.random.fold_in(jax.random.key(seed), EVALUATION)
         keys = jax.random.split(root, episodes)
-        return Played(*(np.asarray(found) for found in self._player(keys, learners)))
+        return Played(*(np.asarray(found) for found in self._player(self.learner, keys, learners)))
 
     @functools.cached_property
     def _player(self) -> Callable[..., Any]:
-        def one(key: Any, state: PyTree) -> Any:
-            return episode(self.learner, self._environment, key, state)
+        def one(learner: Algorithm, key: Any, state: PyTree) -> Any:
+            return episode(learner, self._environment, key, state)
 
-        return jax.jit(jax.vmap(jax.vmap(one, in_axes=(0, None)), in_axes=(None, 0)))
+        each = jax.vmap(one, in_axes=(None, 0, None))
+        return jax.jit(jax.vmap(each, in_axes=(None, None, 0)))
 
     @functools.lru_cache(maxsize=4)  # noqa: B019  (an engine lives as long as its run)
     def _program(self, steps: int) -> Callable[..., TrainState]:
-        def one(key: Any, state: TrainState) -> TrainState:
-            return train(self.learner, self._environment, key, steps, start=state)[0]
+        # The learner is an argument: other step sizes find the program that was compiled for these.
+        def one(learner: Algorithm, key: Any, state: TrainState) -> TrainState:
+            return train(learner, self._environment, key, steps, start=state)[0]
 
-        return jax.jit(jax.vmap(one))
+        return jax.jit(jax.vmap(one, in_axes=(None, 0, 0)))
 
     def close(self) -> None:
         """Nothing is open."""

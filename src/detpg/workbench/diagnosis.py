@@ -56,7 +56,8 @@ def warnings(rows: list[dict[str, Any]]) -> dict[str, str]:
             "has none: it needs a world that is random itself)."
         )
     changes = [row["train/policy_change"] for row in rows if _known(row, "train/policy_change")]
-    if len(changes) >= NUM_ROWS and max(changes[-NUM_ROWS:]) < LEAST_CHANGE:
+    still = len(changes) >= NUM_ROWS and max(changes[-NUM_ROWS:]) < LEAST_CHANGE
+    if still and "saturated" not in found:  # which explains it, and asks for the opposite
         found["stuck"] = (
             f"the policy changed by less than {LEAST_CHANGE:g} of its size since the last "
             "evaluation: raise alpha_theta, or see whether the critic learns (train/td_error)."

@@ -191,7 +191,7 @@ class Hosted:
         # The same episodes for all learners; of a vector environment each has several copies.
         copies = num // self._config.seeds
         observation = worlds.reset([own + i % copies for i in range(num)])
-        gamma, limit = discount(self.learner), worlds.spec.time_limit
+        gamma, limit = float(discount(self.learner)), worlds.spec.time_limit
         rows: list[list[tuple[float, ...]]] = [[] for _ in range(num)]
         action, first = self._worth(learners, observation)
         total, length, earned = (np.zeros(num) for _ in range(3))

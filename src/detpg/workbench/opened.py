@@ -23,6 +23,7 @@ from detpg.workbench.tables import evaluations_table
 from detpg.wrappers import Controller
 
 Which = Literal["best", "last"]
+JUDGING = 3  # stream of the seed of `play`
 
 
 class OpenedRun:
@@ -114,7 +115,9 @@ class OpenedRun:
         engine = engine_of(self.config)
         try:
             engine.use(self.learner)
-            played: Played | None = engine.play(self.learners(which), episodes, seed)
+            # Other episodes than those by which the best policies were chosen.
+            own = int(np.random.SeedSequence([seed, JUDGING]).generate_state(1)[0]) >> 1
+            played: Played | None = engine.play(self.learners(which), episodes, own)
         finally:
             engine.close()
         if played is None:

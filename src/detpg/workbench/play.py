@@ -52,11 +52,11 @@ def _unit(learner: Any, state: Any) -> Number:
     return jnp.ones(())
 
 
-def discount(learner: Any) -> float:
+def discount(learner: Any) -> Any:
     """Gamma of the learner inside; 1 where it has none."""
     while isinstance(learner, (Metered, Normalised)):
         learner = learner.algorithm
-    return float(getattr(learner, "gamma", 1.0))
+    return getattr(learner, "gamma", 1.0)
 
 
 def episode(

@@ -84,14 +84,14 @@ class Replayed:
 
     def advance(self, state: ReplayState, steps: int) -> ReplayState:
         """That many transitions on."""
-        return self._program(steps)(self._data, self._keys, state)
+        return self._program(steps)(self.learner, self._data, self._keys, state)
 
     @functools.lru_cache(maxsize=4)  # noqa: B019  (an engine lives as long as its run)
     def _program(self, steps: int) -> Callable[..., ReplayState]:
-        def one(data: Logged, key: Any, state: ReplayState) -> ReplayState:
-            return learn_from(self.learner, data, key, steps, state)[0]
+        def one(learner: Algorithm, data: Logged, key: Any, state: ReplayState) -> ReplayState:
+            return learn_from(learner, data, key, steps, state)[0]
 
-        return jax.jit(jax.vmap(one, in_axes=(None, 0, 0)))
+        return jax.jit(jax.vmap(one, in_axes=(None, None, 0, 0)))
 
     def learners(self, state: ReplayState) -> PyTree:
         """States of the learners, seeds first."""

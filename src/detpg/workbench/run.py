@@ -180,7 +180,7 @@ class _Recorder:
     def _diagnose(self, interval: Interval) -> None:
         config = self._session.config
         for seed, why in interval.lost.items():
-            self._say(seed, "lost", f"is lost: {why}.")
+            self._say(seed, "lost", f"lost, {why}.")
         if len(interval.lost) == config.seeds:
             good = self._checkpoints.steps
             kept = f"the last good checkpoint is {good[-1]}" if good else "no checkpoint is kept"
