@@ -5,13 +5,17 @@ STAMP := .venv/.installed
 export XLA_FLAGS ?= --xla_cpu_multi_thread_eigen=false
 
 .NOTPARALLEL:
-.PHONY: reproduce test setup check lint docs bench lock clean
+.PHONY: reproduce test test-all setup check lint docs bench lock clean
 
 reproduce: setup
 	$(BIN)/detpg reproduce
 
 test: setup
 	$(BIN)/python -m pytest -n 2 --dist loadfile
+
+# Also what takes long: learning, killing, injected faults, whole examples. CI runs this.
+test-all: setup
+	$(BIN)/python -m pytest -n 2 --dist loadfile -m "slow or not slow"
 
 setup: $(STAMP)
 

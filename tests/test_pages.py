@@ -21,6 +21,7 @@ def run(page, names):
     return re.findall(r"```text\n(.*?)```", text, flags=re.DOTALL)
 
 
+@pytest.mark.slow
 def test_logged_data_learns_what_the_page_shows(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (shown,) = run("logged_data.md", names := {})

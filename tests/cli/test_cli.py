@@ -166,6 +166,7 @@ def test_bad_input_is_one_sentence(tmp_path: Path, words: tuple[str, ...], named
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_control_c_keeps_what_is_done(tmp_path: Path):
     call = [sys.executable, "-m", "detpg", "reproduce", "--preset", "smoke", "--output", "here"]
     with subprocess.Popen(

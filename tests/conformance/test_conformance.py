@@ -24,6 +24,7 @@ def test_algorithms(name):
     check_algorithm(ALGORITHMS[name].create(bandit.spec), bandit, jax.random.key(1))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["copdac-gq", "opdac"])
 def test_algorithms_on_episodes_that_a_time_limit_cuts(name):
     """With two actions, and correlated noise of a width for each."""

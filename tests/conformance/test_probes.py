@@ -76,6 +76,7 @@ def made(name, probe):
     return ALGORITHMS[name].create(probe.spec, **options), probe
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "probe"), PAIRS)
 def test_every_algorithm_learns(name, probe):
     check_probe(*made(name, PROBES[probe]))
@@ -137,6 +138,7 @@ class Myopic(COPDACQ):
         return dataclasses.replace(COPDACQ(**vars(self)), gamma=0.0).update(key, state, transition)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("broken", "probe", "found"),
     [

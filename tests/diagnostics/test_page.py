@@ -14,6 +14,7 @@ def numbers(text: str) -> dict[str, tuple[float, float]]:
     return {name: (float(value), float(error)) for name, value, error in lines}
 
 
+@pytest.mark.slow
 def test_the_example_prints_what_the_page_shows(capsys: pytest.CaptureFixture[str]):
     page = PAGE.read_text(encoding="utf-8")
     (code,) = re.findall(r"```python\n(.*?)```", page, flags=re.DOTALL)

@@ -40,6 +40,7 @@ def test_by_hand():
     assert found.scale_error == pytest.approx(np.sqrt(2 / 9), rel=accuracy)
 
 
+@pytest.mark.slow
 def test_a_known_bias_is_measured():
     """A critic that is off by a^T M s has a direction that is off by M times the state moment."""
     world, gain, policy = LQR(noise=0.2, start=0.7), jnp.asarray(K), LinearPolicy(2, 1)

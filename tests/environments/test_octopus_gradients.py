@@ -16,6 +16,7 @@ from detpg.environments.octopus_arm.physics import activate
 KEY = jax.random.key(0)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("x64")
 def test_batches_are_their_members_alone():
     """Over states, over actions, over parameters, and one within the other."""
@@ -65,6 +66,7 @@ def test_gradients_are_finite_also_at_rest():
     assert np.abs(found[2]).max(axis=0).all()
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("x64")
 def test_slopes_agree_with_finite_differences():
     world, random = OctopusArm(2), np.random.default_rng(2)

@@ -30,6 +30,7 @@ def test_all_are_run():
     assert there == {*STEPS, "run_onnx"}  # the last is run where a controller is exported
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", STEPS)
 def test_it_learns_on_every_seed(name, capsys):
     example = script(name)

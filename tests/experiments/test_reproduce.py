@@ -97,6 +97,7 @@ def test_summary_names_both_scores_and_the_claims(finished: Path):
     assert not (finished / "shards").exists()
 
 
+@pytest.mark.slow
 def test_the_number_of_workers_changes_nothing(finished: Path, tmp_path: Path):
     with start(tmp_path, workers=2) as process:
         assert process.wait(120) == 0
@@ -107,6 +108,7 @@ def test_another_seed_changes_the_tables(finished: Path, tmp_path: Path):
     assert tables(reproduce(tmp_path, seed=1)) != tables(finished)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("workers", "kill_after"), [(1, 2), (2, 8)])
 def test_killed_and_resumed_gives_the_same_bytes(
     finished: Path, tmp_path: Path, workers: int, kill_after: int

@@ -142,6 +142,7 @@ def test_a_run_does_not_depend_on_its_neighbours_or_on_evaluations():
     assert not np.array_equal(curves(seed=2).returns, whole.returns)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("task", "expected", "saturated"),
     [("mountain-car", -5000.0, 0.0), ("pendulum", -4946.2, 0.0)],
@@ -154,6 +155,7 @@ def test_what_zero_action_returns(task, expected, saturated):
     assert found.finite.all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("noise", "published", "error"), [(0.0025, 13973, 824), (0.025, 28623, 482)]
 )
@@ -223,6 +225,7 @@ def test_a_run_that_diverges_is_a_value(task):
     assert np.isfinite(found.returns[1]).all()
 
 
+@pytest.mark.slow
 def test_single_precision_learns_too():
     found = run(
         "mountain-car",

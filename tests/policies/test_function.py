@@ -80,6 +80,7 @@ MAKERS = {
 PAIRS = [("opdac", "equinox"), ("dac", "gains"), ("copdac-q", "flax"), ("copdac-gq", "drawn")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("learner", "name"), PAIRS)
 def test_every_learner_takes_it(learner, name):
     """Under jit, vmap over seeds and hyper-parameters, saved and resumed."""

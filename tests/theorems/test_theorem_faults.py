@@ -210,6 +210,7 @@ FAULTS: tuple[tuple[Callable[[Patch], None], str, tuple[str, ...]], ...] = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("fault", "name", "caught"), FAULTS, ids=[f[0].__name__ for f in FAULTS])
 def test_a_fault_is_caught(x64, monkeypatch: Patch, fault, name: str, caught: tuple[str, ...]):
     fault(monkeypatch)

@@ -98,6 +98,7 @@ def test_a_run_holds_what_it_should(whole):
     assert len(list((whole / "tensorboard").glob("seed*/events*"))) == 2
 
 
+@pytest.mark.slow
 def test_every_algorithm_survives_being_killed_at_any_moment(tmp_path):
     """A real process, `kill -9` at random moments; what is left in the end is the same."""
     script = Path(unstoppable.__file__)

@@ -26,6 +26,7 @@ KEY = jax.random.key(3)
 INCREMENTAL = [name for name in ALGORITHMS if not name.startswith("bandit")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["copdac-q", "stochastic-ac"])
 @pytest.mark.parametrize("wrapper", [Normalised, Metered])
 def test_a_wrapped_learner_is_a_learner(name, wrapper):
