@@ -174,7 +174,7 @@ REFUSED = [
     ((*TRAIN, "lqr", "--policy", "none.py:x"), "policy 'none.py:x' cannot be loaded: there is no"),
     ((*TRAIN, "lqr", "--policy", "own.py:y"), "policy 'own.py:y' cannot be loaded: own.py has no"),
     ((*TRAIN, "lqr", "--policy", "bad.py:x"), "policy 'bad.py:x' cannot be loaded: ZeroDivisionE"),
-    ((*TRAIN, "lqr", "--policy", "own.py:Three"), "own.py:Three is no policy: give an object wit"),
+    ((*TRAIN, "lqr", "--policy", "own.py:Three"), "own.py:Three is no policy: give an object"),
     ((*TRAIN, "lqr", "--config", "none.toml"), "none.toml cannot be read (No such file or direct"),
     ((*TRAIN, "lqr", "--config", "odd.toml"), "'learning_rate' is no setting of a run: leave it"),
     ((*TRAIN, "lqr", "--config", "text.toml"), "steps = 'many' is no whole number: give one, suc"),
