@@ -10,8 +10,9 @@ import pytest
 ROOT = Path(__file__).parents[2]
 RESULTS = ROOT / "results" / "gymnasium"
 ROW = re.compile(
-    r"^\| (?:`(?P<world>[^`]+)`)? \| `(?P<learner>[^`]+)`[^|]* \| (?P<steps>[\d,]+) \| "
-    r"(?P<mean>\S+) \[(?P<low>\S+), (?P<high>\S+)\] \| (?P<solved>\d+) of 10 \| (?P<first>[^|]+) \|$"
+    r"^\|\s+(?:`(?P<world>[^`]+)`\s)?\| `(?P<learner>[^`]+)`[^|]* \| (?P<steps>[\d,]+) \| "
+    r"(?P<mean>\S+) \[(?P<low>\S+), (?P<high>\S+)\] \| "
+    r"(?P<solved>\d+) of 10 \| (?P<first>[^|]+) \|$"
 )
 
 
