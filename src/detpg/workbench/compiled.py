@@ -13,7 +13,7 @@ from detpg.environments import ENVIRONMENTS, ScaledActions, TimeLimited
 from detpg.training import TrainState, begin, train
 from detpg.types import Algorithm, Bounds, Environment, EnvironmentSpec
 from detpg.workbench.config import Config
-from detpg.workbench.play import Played, episode
+from detpg.workbench.play import Played, episode, without_lost
 
 LEARNING, EVALUATION = 0, 1  # streams of the run's seed
 
@@ -91,7 +91,8 @@ class Compiled:
         """Episodes of the mean policies; their seeds are no learner's."""
         root = jax.random.fold_in(jax.random.key(seed), EVALUATION)
         keys = jax.random.split(root, episodes)
-        return Played(*(np.asarray(found) for found in self._player(self.learner, keys, learners)))
+        found = self._player(self.learner, keys, learners)
+        return without_lost(Played(*map(np.asarray, found)), learners)
 
     @functools.cached_property
     def _player(self) -> Callable[..., Any]:

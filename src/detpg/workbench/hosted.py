@@ -17,7 +17,7 @@ from detpg.training import StepKeys
 from detpg.types import Action, Algorithm, Transition
 from detpg.workbench.compiled import EVALUATION, LEARNING
 from detpg.workbench.config import Config
-from detpg.workbench.play import Played, discount, worth
+from detpg.workbench.play import Played, discount, without_lost, worth
 from detpg.wrappers import of_each_world, several_worlds
 from detpg.wrappers.controller import in_world_units
 
@@ -216,7 +216,7 @@ class Hosted:
                 )
         least = min(map(len, rows))
         table = np.array([row[:least] for row in rows]).reshape(self._config.seeds, -1, 4)
-        return Played(*np.moveaxis(table[:, :episodes], -1, 0))
+        return without_lost(Played(*np.moveaxis(table[:, :episodes], -1, 0)), learners)
 
     @functools.cached_property
     def _evaluated(self) -> Any:

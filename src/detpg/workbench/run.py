@@ -44,7 +44,8 @@ class Progress(NamedTuple):
         steps: In all.
         rate: Environment steps a second of all learners together, since the start or resume.
         seconds_left: At that rate.
-        returned: Mean return of the last evaluation, over learners; None before the first.
+        returned: Mean return of the last evaluation, over learners that are not lost; None before
+            the first.
         messages: New ones, in words: warnings, lost learners, damaged checkpoints.
     """
 
@@ -175,7 +176,8 @@ class _Recorder:
         if interval.played is not None:
             rows = evaluations_table(interval.played, interval.step)
             self._evaluations = pa.concat_tables([self._evaluations, rows])
-            self._returned = float(interval.played.returns.mean())
+            known = interval.played.returns[np.isfinite(interval.played.returns)]
+            self._returned = float(known.mean()) if known.size else None
 
     def _diagnose(self, interval: Interval) -> None:
         config = self._session.config
