@@ -94,7 +94,13 @@ def _train(command: Any) -> None:
         print("settings that are known to learn this environment: --config tuned", file=sys.stderr)
     world = (config.environment or Path(str(config.data)).stem).replace("/", "-")
     path = command.output or Path("runs") / f"{config.algorithm}-{world}"
-    _go(config, path, config.policy if ".py:" in config.policy else None)
+    own = config.policy if ".py:" in config.policy else None
+    if own is not None and command.policy is None:
+        raise UserError(
+            f"{command.config} names a policy of your own, {own}: name it again with --policy; "
+            "code is never loaded because a file says so."
+        )
+    _go(config, path, own)
 
 
 def _settings(command: Any) -> dict[str, Any]:
@@ -247,7 +253,7 @@ class _Shown:
 
     def started(self) -> None:
         """Called once the run is known to be possible."""
-        self._console.print(self._words, highlight=False)
+        self._console.print(self._words, highlight=False, markup=False)
 
     def show(self, progress: "Progress") -> None:
         """Called after every interval."""
