@@ -1,5 +1,6 @@
 """A run that was trained, opened again: its policies, and what they do."""
 
+import dataclasses
 from pathlib import Path
 from typing import Any, Literal
 
@@ -76,8 +77,9 @@ class OpenedRun:
         )
         leaves, structure = jax.tree.flatten(like)
         names = [f"leaf{i}" for i in range(len(leaves))]
+        shapes = {"best_return": (seeds,)} | {n: leaf.shape for n, leaf in zip(names, leaves)}
         if kept is None or any(
-            name not in kept or kept[name].shape != leaf.shape for name, leaf in zip(names, leaves)
+            name not in kept or kept[name].shape != shape for name, shape in shapes.items()
         ):
             state = "damaged" if path.exists() else "not there yet: train on"
             raise RunDirectoryError(f"The {which} policy of {self.path} is {state}.")
@@ -112,7 +114,12 @@ class OpenedRun:
         Raises:
             RunDirectoryError: There is no world to play in.
         """
-        engine = engine_of(self.config)
+        if self.config.environment is None:
+            raise RunDirectoryError(
+                f"{self.path} was trained on logged data alone, and there is no world to play in."
+            )
+        # The data are not needed any more, and may be elsewhere.
+        engine = engine_of(dataclasses.replace(self.config, data=None))
         try:
             engine.use(self.learner)
             # Other episodes than those by which the best policies were chosen.
@@ -120,10 +127,7 @@ class OpenedRun:
             played: Played | None = engine.play(self.learners(which), episodes, own)
         finally:
             engine.close()
-        if played is None:
-            raise RunDirectoryError(
-                f"{self.path} was trained on logged data alone, and there is no world to play in."
-            )
+        assert played is not None  # in a world
         return evaluations_table(played, self.config.steps)
 
     @property
