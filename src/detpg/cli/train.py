@@ -57,9 +57,9 @@ class Resume:
         Raises:
             UserError: No run, or one that cannot be continued.
         """
-        from detpg.runs import Checkpoints, RunDirectoryError
+        from detpg.runs import RunDirectoryError
         from detpg.workbench.config import Config
-        from detpg.workbench.folder import CHECKPOINTS, found_config
+        from detpg.workbench.folder import found_config
 
         try:
             found = found_config(self.path)
@@ -73,12 +73,6 @@ class Resume:
             config = dataclasses.replace(config, steps=steps)
         except (TypeError, ValueError) as error:
             raise UserError(f"{self.path} cannot be continued: {error}") from error
-        reached = Checkpoints(self.path / CHECKPOINTS).steps
-        if reached and config.steps < reached[-1]:
-            raise UserError(
-                f"--steps {config.steps} lies behind step {reached[-1]}, which {self.path} has "
-                "reached: give as many or more."
-            )
         _go(config, self.path, self.own_policy)
 
 
