@@ -253,6 +253,7 @@ def test_no_file_of_a_run_is_a_pickle(whole):
 
 def test_an_opened_run_plays_what_was_trained(whole):
     run = open_run(whole)
+    assert run.play("best", 1).column_names == ["seed", "episode", "return", "length"]
     many = [np.mean(run.play("last", 200, seed)["return"].to_numpy()) for seed in (0, 1)]
     rows = pq.read_table(whole / "evaluations.parquet").to_pylist()
     last = [row["return"] for row in rows if row["step"] == 160]

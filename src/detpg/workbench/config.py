@@ -2,7 +2,6 @@
 
 import dataclasses
 import json
-import math
 import tomllib
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -198,8 +197,3 @@ def read_settings(path: Path, algorithm: str) -> dict[str, Any]:
     for name in ("options", "environment_options"):
         flat |= {name: tables[name]} if name in tables else {}
     return flat
-
-
-def finite_json(value: float) -> float | str:
-    """A number as JSON has it: infinite ones as words."""
-    return value if math.isfinite(value) else str(value)

@@ -109,7 +109,7 @@ class OpenedRun:
         return controller(self.learner, state, self.bounds)
 
     def play(self, which: Which = "best", episodes: int = 100, seed: int = 0) -> pa.Table:
-        """Episodes of all learners' mean policies: columns seed, step, episode, return, length.
+        """Episodes of all learners' mean policies: columns seed, episode, return, length.
 
         Raises:
             RunDirectoryError: There is no world to play in.
@@ -128,7 +128,8 @@ class OpenedRun:
         finally:
             engine.close()
         assert played is not None  # in a world
-        return evaluations_table(played, self.config.steps)
+        # When the best were learnt differs from seed to seed, and a run may have stopped early.
+        return evaluations_table(played, self.config.steps).drop_columns(["step"])
 
     @property
     def world(self) -> Environment | None:
