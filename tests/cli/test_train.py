@@ -92,7 +92,7 @@ def test_ctrl_c_stops_after_the_interval_with_a_checkpoint(stopped):
     step = max(int(path.stem) for path in (run / "checkpoints").glob("*.json"))
     assert step % 200 == 0
     assert said.splitlines()[-1] == (
-        f"stopped at step {step:,}; continue with: detpg resume runs/mine"
+        f"stopped at step {step:,}; continue with: detpg resume runs/mine --own-policy own.py:gains"
     )
     rows = pq.read_table(run / "metrics.parquet").to_pylist()
     assert {row["step"] for row in rows} == set(range(200, step + 1, 200))

@@ -175,13 +175,14 @@ def _go(config: "Config", path: Path, own: str | None) -> None:
             ended = train_in(path, config, own=own, **told)
     except (RunDirectoryError, DivergedError, ValueError) as error:
         raise UserError(str(error)) from error
+    words = "" if own is None else f" --own-policy {own}"
     if not ended.finished:
-        print(f"stopped at step {ended.step:,}; continue with: detpg resume {path}")
+        print(f"stopped at step {ended.step:,}; continue with: detpg resume {path}{words}")
         raise SystemExit(130)
     print(f"done: {ended.step:,} steps in {path}")
     print(f"  look    detpg plot {path}")
-    print(f"  judge   detpg evaluate {path}")
-    print(f"  use     detpg export {path} --format onnx")
+    print(f"  judge   detpg evaluate {path}{words}")
+    print(f"  use     detpg export {path} --format onnx{words}")
 
 
 class _Stop:

@@ -7,7 +7,7 @@ from typing import Any
 import equinox as eqx
 import jax
 import numpy as np
-from jaxtyping import PyTree
+from jaxtyping import Key, PyTree
 
 from detpg.environments import ENVIRONMENTS, ScaledActions, TimeLimited
 from detpg.training import TrainState, begin, train
@@ -57,10 +57,7 @@ class Compiled:
                 f"but {self.spec.name!r} is a world of steps: choose another algorithm."
             )
         self.learner = learner
-        root = jax.random.fold_in(jax.random.key(self._config.seed), LEARNING)
-        self._keys = jax.vmap(functools.partial(jax.random.fold_in, root))(
-            np.arange(self._config.seeds)
-        )
+        self._keys = learner_keys(self._config)
 
     def begin(self) -> TrainState:
         """Before the first step."""
@@ -112,6 +109,12 @@ class Compiled:
 
     def close(self) -> None:
         """Nothing is open."""
+
+
+def learner_keys(config: Config) -> Key[jax.Array, "seeds"]:
+    """A key for each learner; the same in every kind of world."""
+    root = jax.random.fold_in(jax.random.key(config.seed), LEARNING)
+    return jax.vmap(functools.partial(jax.random.fold_in, root))(np.arange(config.seeds))
 
 
 def named(config: Config, name: str) -> Environment:
