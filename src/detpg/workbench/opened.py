@@ -38,13 +38,14 @@ class OpenedRun:
         learner: The learner, as it was trained.
     """
 
-    def __init__(self, path: Path, policy: Policy | str | None = None):
+    def __init__(self, path: Path, policy: Policy | str | None = None, world: Any = None):
         """Reads what the run is, none of its numbers yet.
 
         Args:
             path: The directory.
             policy: The user's own, or where it stands as FILE.py:NAME; code is never loaded from
                 a run.
+            world: The user's own, if it was given to `train_in`.
 
         Raises:
             RunDirectoryError: No run, or one with a policy of the user's that is not given.
@@ -52,7 +53,7 @@ class OpenedRun:
         found = found_config(path)
         if found is None:
             raise RunDirectoryError(f"{path} is no run of `detpg train`: name its folder.")
-        self.path = path
+        self.path, self._own = path, world
         try:
             self.config = Config.from_json(found["run"])
             self.spec, self.bounds = read_spec(found["spec"])
@@ -119,7 +120,7 @@ class OpenedRun:
                 f"{self.path} was trained on logged data alone, and there is no world to play in."
             )
         # The data are not needed any more, and may be elsewhere.
-        engine = engine_of(dataclasses.replace(self.config, data=None))
+        engine = engine_of(dataclasses.replace(self.config, data=None), self._own)
         try:
             engine.use(self.learner)
             # Other episodes than those by which the best policies were chosen.
@@ -152,7 +153,7 @@ class OpenedRun:
             raise RunDirectoryError(f"{self.path} knows logged data alone: nothing can be filmed.")
         controller = self.controller(which, seed)
         act = jax.jit(lambda observation: controller(observation))
-        worlds = hosted_worlds(self.config, None, 1, render_mode="rgb_array")
+        worlds = hosted_worlds(self.config, self._own, 1, render_mode="rgb_array")
         try:
             observation = worlds.reset([start])
             frames = [_frame(worlds)]
@@ -176,9 +177,9 @@ def _frame(worlds: Any) -> np.ndarray:
     return np.array(frame)
 
 
-def open_run(path: Path | str, policy: Policy | str | None = None) -> OpenedRun:
+def open_run(path: Path | str, policy: Policy | str | None = None, world: Any = None) -> OpenedRun:
     """A run directory, read; see `OpenedRun`."""
-    return OpenedRun(Path(path), policy)
+    return OpenedRun(Path(path), policy, world)
 
 
 def read_spec(found: dict[str, Any]) -> tuple[EnvironmentSpec, Bounds]:
