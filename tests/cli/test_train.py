@@ -92,7 +92,7 @@ def test_ctrl_c_stops_after_the_interval_with_a_checkpoint(stopped):
     step = max(int(path.stem) for path in (run / "checkpoints").glob("*.json"))
     assert step % 200 == 0
     assert said.splitlines()[-1] == (
-        f"stopped at step {step:,}; continue with: detpg resume runs/mine"
+        f"stopped at step {step:,}; continue with: detpg resume runs/mine --own-policy own.py:gains"
     )
     rows = pq.read_table(run / "metrics.parquet").to_pylist()
     assert {row["step"] for row in rows} == set(range(200, step + 1, 200))
@@ -178,6 +178,12 @@ REFUSED = [
     ((*TRAIN, "lqr", "--config", "none.toml"), "none.toml cannot be read (No such file or direct"),
     ((*TRAIN, "lqr", "--config", "odd.toml"), "'learning_rate' is no setting of a run: leave it"),
     ((*TRAIN, "lqr", "--config", "text.toml"), "steps = 'many' is no whole number: give one, suc"),
+    ((*TRAIN, "lqr", "--config", "run.toml"), "run.toml holds no settings: give "),
+    (
+        (*TRAIN, "lqr", "--config", "whose.toml"),
+        "whose.toml names a policy of your own, bad.py:x: name it again with --policy; code is "
+        "never loaded because a file says so.",
+    ),
     ((*TRAIN, "lqr", "--config", "tuned"), "--config tuned knows nothing for copdac-q in lqr, on"),
     ((*TRAIN, "lqr", "--environment-option", "m"), "--environment-option m cannot be used: give "),
     ((*TRAIN, "lqr", "--environment-option", "zeta=1"), "lqr cannot be built with {'zeta': 1}: "),
@@ -197,6 +203,8 @@ def test_what_cannot_be_used_is_refused_and_leaves_nothing(
         "bad.py": "1 / 0\n",
         "odd.toml": "learning_rate = 0.1\n",
         "text.toml": 'steps = "many"\n',
+        "run.toml": "run = 3\n",
+        "whose.toml": 'policy = "bad.py:x"\n',
     }
     for name, content in files.items():
         Path(name).write_text(content)

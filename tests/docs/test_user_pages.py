@@ -172,6 +172,7 @@ def led_into_faults(capsys, monkeypatch) -> list[str]:
     train, wild = f"train opdac lqr {SMALL}", "--normalise none --steps 400"
     often = SMALL.replace("-every 20", "-every 5").replace("40", "5")  # some are lost before others
     Path("mine.py").write_text(OWN)
+    Path("settings.toml").write_text('policy = "mine.py:policy"')
     Path("somewhere").mkdir()
     Path("somewhere/else").touch()
     named, write = "runs/stochastic-ac-Pendulum-v1", checkpoints._write
@@ -188,6 +189,7 @@ def led_into_faults(capsys, monkeypatch) -> list[str]:
         f"{train} --output somewhere",
         f"{train} --steps 40 --policy mine.py:policy --output runs/mine",
         "resume runs/mine",
+        f"{train} --config settings.toml",
         f"train opdac lqr {often} {wild} --alpha-w 1 --alpha-theta 1 --seeds 4 --output wild",
         f"train opdac Pendulum-v1 {SMALL} {wild} --alpha-w 1e5 --output wilder",
         f"train opdac Pendulum-v1 {SMALL} --steps 20 --output calm",

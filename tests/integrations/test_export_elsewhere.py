@@ -99,7 +99,7 @@ def test_the_command(tmp_path, monkeypatch, capsys: pytest.CaptureFixture[str]):
     monkeypatch.setattr(detpg.workbench, "open_run", FakeRun, raising=False)
     monkeypatch.chdir(tmp_path)
     write_run(tmp_path / "run")
-    main(["export", "run", "--format", "json", "--seed-index", "1"])
+    main(["export", "run", "--format", "json", "--index", "1"])
     said = capsys.readouterr().out
     assert said.startswith("written to controller.json: ")
     about = load_json(tmp_path / "controller.json").about

@@ -112,6 +112,16 @@ def test_bounds_that_nobody_gives_are_those_seen_and_it_is_said(path):
     assert caught[0].filename == __file__
 
 
+def test_bounds_that_disagree_with_the_data_are_told(path):
+    """Actions in units of the box, say, of a world that is wider."""
+    write(path, **COLUMNS, next_observation=NEXT, bounds=BOX)
+    wide = Bounds(BOX.low, tuple(2 * end for end in BOX.high))
+    with pytest.warns(UserWarning, match=r"says that actions lie between .* are taken: log act"):
+        assert read(path, wide).bounds == wide
+    rounded = Bounds(*(tuple(end * (1 + 1e-9) for end in ends) for ends in BOX))
+    assert read(path, rounded).bounds == rounded
+
+
 def test_a_component_without_bounds_keeps_its_unit(path):
     endless = Bounds((-np.inf, 0.0), (np.inf, 1.0))
     write(path, **COLUMNS, bounds=endless)

@@ -6,10 +6,12 @@ import jax.numpy as jnp
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from slope import Slope
 
 from detpg.workbench import Config, train_in
 from detpg.workbench.compiled import Compiled
 from detpg.workbench.diagnosis import faults, warnings
+from detpg.workbench.hosted import Hosted
 from detpg.wrappers import Meter
 
 HEALTHY = {
@@ -122,3 +124,24 @@ def test_one_lost_learner_of_two_is_named_and_the_other_goes_on(tmp_path, monkey
     ]
     table = pq.read_table(tmp_path / "run" / "evaluations.parquet").to_pylist()
     assert all(np.isfinite(row["return"]) == (row["seed"] == 0) for row in table)
+
+
+def test_a_lost_learner_is_not_the_best_of_its_seed(tmp_path, monkeypatch):
+    """In a world of the host its actions are the centre of the box, which may earn more."""
+    advance, shown = Hosted.advance, []
+
+    def spoilt(self, state, steps):
+        after = advance(self, state, steps)
+        lost = after.learner.learner.theta.at[1].set(jnp.nan)
+        return eqx.tree_at(lambda tree: tree.learner.learner.theta, after, lost)
+
+    monkeypatch.setattr(Hosted, "advance", spoilt)
+    small = {"policy": "linear", "value": "quadratic", "normalise": "none"}
+    config = Config("opdac", "Slope", seeds=2, steps=20, **EVERY, **small)
+    train_in(tmp_path, config, world=Slope, report=lambda told: shown.append(told.returned))
+    best = np.load(tmp_path / "best.npz")
+    assert all(np.isfinite(best[name]).all() for name in best.files)
+    assert np.isfinite(shown).all()
+    table = pq.read_table(tmp_path / "evaluations.parquet").to_pylist()
+    lost = [row["step"] > 0 and row["seed"] == 1 for row in table]
+    assert np.isnan([row["return"] for row in table]).tolist() == lost

@@ -177,7 +177,7 @@ def test_a_lost_learner_leaves_the_other_alone(pair):
     assert np.all(np.isnan(lost.learner.theta[1]))
     assert made[1].given[-1] == 1.0  # the centre of the box
     played = engine.play(engine.learners(lost), episodes=1, seed=SEED)
-    assert np.all(np.isfinite(played.returns))
+    assert np.isfinite(played.returns).tolist() == [[True], [False]]  # it was not its own
 
 
 def played_by_hand(policy, gamma, value, episodes, seed):

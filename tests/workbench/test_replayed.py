@@ -1,5 +1,7 @@
 """Runs on logged data: with a world that judges and without one."""
 
+from contextlib import nullcontext as nothing
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -8,6 +10,7 @@ import pytest
 
 from detpg.integrations.logged import read, write
 from detpg.replaying import learn_from
+from detpg.runs import RunDirectoryError
 from detpg.types import Bounds
 from detpg.workbench import Config, open_run, train_in
 from detpg.workbench.engines import engine_of
@@ -104,6 +107,19 @@ def test_a_world_judges(tmp_path):
     assert played is not None
     assert played.lengths.tolist() == [[10] * 3] * 2
     assert np.all(played.returns < 0)
+
+
+def test_a_run_is_judged_without_its_data(tmp_path):
+    written(tmp_path / "log.parquet", None)
+    for name, world in (("run", {"environment": "lqr", "time_limit": 10}), ("alone", {})):
+        given = config(str(tmp_path / "log.parquet"), **world, steps=20)
+        with pytest.warns(UserWarning, match="taken for the bounds") if not world else nothing():
+            train_in(tmp_path / name, given)
+    (tmp_path / "log.parquet").unlink()
+    played = open_run(tmp_path / "run").play("last", 3).to_pydict()
+    assert played["length"] == [10] * 6
+    with pytest.raises(RunDirectoryError, match="alone was trained on logged data alone, and th"):
+        open_run(tmp_path / "alone").play("last", 3)
 
 
 def test_data_of_another_world_are_refused(data):

@@ -15,6 +15,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 import unstoppable
+from tensorboardX.proto.event_pb2 import Event
 
 from detpg.runs import RunDirectoryError, checkpoints
 from detpg.workbench import Config, DivergedError, open_run, train_in
@@ -169,8 +170,34 @@ def test_a_full_disk_leaves_the_last_good_state(whole, tmp_path, monkeypatch):
     assert contents(tmp_path / "run") == contents(whole)
 
 
+def events(path: Path) -> list[Event]:
+    """In the order in which they were written."""
+    found = []
+    for file in sorted(path.glob("events*"), key=lambda file: file.stat().st_mtime_ns):
+        content = file.read_bytes()
+        while content:  # length, checksum, event, checksum
+            size = int.from_bytes(content[:8], "little")
+            found.append(Event.FromString(content[12 : 12 + size]))
+            content = content[16 + size :]
+    return found
+
+
+def test_no_scalar_is_lost_or_doubled_by_resuming(tmp_path):
+    """A reader drops what stands at or after the step of a start."""
+    for steps in (40, 80):
+        train_in(tmp_path, config(steps=steps))
+    shown: list[int] = []
+    for event in events(tmp_path / "tensorboard" / "seed0"):
+        if event.HasField("session_log"):
+            shown = [step for step in shown if step < event.step]
+        shown += [event.step for value in event.summary.value if value.tag == "train/td_error"]
+    assert shown == [20, 40, 60, 80]
+
+
 def test_another_run_is_refused_and_untouched(whole):
     before = contents(whole)
+    with pytest.raises(RunDirectoryError, match=r"^--steps 120 lies behind step 160, which "):
+        train_in(whole, config(steps=120))
     with pytest.raises(RunDirectoryError, match=r"another run \(different: options\): choose"):
         train_in(whole, config(options={"alpha_w": 0.5}))
     assert contents(whole) == before
@@ -226,6 +253,7 @@ def test_no_file_of_a_run_is_a_pickle(whole):
 
 def test_an_opened_run_plays_what_was_trained(whole):
     run = open_run(whole)
+    assert run.play("best", 1).column_names == ["seed", "episode", "return", "length"]
     many = [np.mean(run.play("last", 200, seed)["return"].to_numpy()) for seed in (0, 1)]
     rows = pq.read_table(whole / "evaluations.parquet").to_pylist()
     last = [row["return"] for row in rows if row["step"] == 160]

@@ -1,8 +1,10 @@
 """`Trainer`: learn, predict, save, load, evaluate, in compiled worlds and in Gymnasium's."""
 
+import dataclasses
 import json
 import re
 
+import equinox as eqx
 import gymnasium
 import jax
 import jax.numpy as jnp
@@ -10,8 +12,9 @@ import numpy as np
 import pytest
 from slope import Slope
 
+from detpg import environments
 from detpg.runs import RunDirectoryError, write_arrays
-from detpg.workbench import DivergedError, Trainer
+from detpg.workbench import Config, DivergedError, Trainer, open_run, train_in
 from toys import Chain
 
 SMALL = {"policy": "linear", "value": "quadratic", "log_every": 20, "evaluate_every": 20}
@@ -176,6 +179,46 @@ def test_a_record_of_this_library_is_a_world():
     chain = Trainer("opdac", Chain(), **SMALL, normalise="none", evaluation_episodes=2).learn(20)
     # 0 -> 1 -> 2 -> 3, whatever it does: 1 + 2 + 3
     assert chain.evaluate(episodes=3) == (6.0, 0.0)
+
+
+class Keyed(eqx.Module):
+    """A world of one's own whose state remembers a key."""
+
+    inner: environments.LQR = eqx.field(default_factory=environments.LQR)
+
+    @property
+    def spec(self):
+        return dataclasses.replace(self.inner.spec, time_limit=10)
+
+    def initial(self, key):
+        return key, self.inner.initial(key)
+
+    def transition(self, key, state, action):
+        return jax.random.fold_in(state[0], 1), self.inner.transition(key, state[1], action)
+
+    def reward(self, state, action, next_state):
+        return self.inner.reward(state[1], action, next_state[1])
+
+    def terminated(self, state):
+        return self.inner.terminated(state[1])
+
+    def observe(self, state):
+        return self.inner.observe(state[1])
+
+
+def test_a_world_with_a_key_in_its_state_is_kept(tmp_path):
+    options = {**SMALL, "evaluation_episodes": 2}
+    whole = Trainer("opdac", Keyed(), **options).learn(40)
+    Trainer("opdac", Keyed(), **options).learn(20).save(tmp_path / "half")
+    again = Trainer.load(tmp_path / "half", Keyed()).learn(20)
+    jax.tree.map(np.testing.assert_array_equal, again.session.learners, whole.session.learners)
+
+
+def test_a_run_in_ones_own_world_is_opened_with_it(tmp_path):
+    config = Config("opdac", "Keyed", **SMALL, normalise="none", steps=20, checkpoint_every=20)
+    train_in(tmp_path / "run", config, world=Keyed())
+    played = open_run(tmp_path / "run", world=Keyed()).play("last", episodes=3)
+    assert played["length"].to_pylist() == [10] * 3
 
 
 def test_a_world_that_is_built_already_is_refused():

@@ -29,10 +29,8 @@ class Export:
     policy: Literal["best", "last"] = "best"
     """The one that was evaluated as best, or that of the last step."""
 
-    seed_index: Annotated[
-        int | None, tyro.conf.arg(metavar="K", help_behavior_hint="(default: the best seed)")
-    ] = None
-    """Of the run's seeds, from 0."""
+    index: Annotated[int | None, tyro.conf.arg(metavar="N", help_behavior_hint="")] = None
+    """Which training seed's policy, 0 the first (default: the best evaluated)."""
 
     own_policy: OwnPolicy = None
     """Policy of your own, if the run was trained with one: code is never loaded from a run."""
@@ -49,7 +47,7 @@ class Export:
         output = self.output or Path(f"controller.{self.format}")
         found = opened(self.run_directory, self.policy, self.own_policy)
         with told():
-            controller = found.controller(self.policy, self.seed_index)
+            controller = found.controller(self.policy, self.index)
         size = found.spec.observation_size
         try:
             parity = export(controller, size, output, self.format, found.spec)

@@ -57,9 +57,9 @@ class Resume:
         Raises:
             UserError: No run, or one that cannot be continued.
         """
-        from detpg.runs import Checkpoints, RunDirectoryError
+        from detpg.runs import RunDirectoryError
         from detpg.workbench.config import Config
-        from detpg.workbench.folder import CHECKPOINTS, found_config
+        from detpg.workbench.folder import found_config
 
         try:
             found = found_config(self.path)
@@ -73,12 +73,6 @@ class Resume:
             config = dataclasses.replace(config, steps=steps)
         except (TypeError, ValueError) as error:
             raise UserError(f"{self.path} cannot be continued: {error}") from error
-        reached = Checkpoints(self.path / CHECKPOINTS).steps
-        if reached and config.steps < reached[-1]:
-            raise UserError(
-                f"--steps {config.steps} lies behind step {reached[-1]}, which {self.path} has "
-                "reached: give as many or more."
-            )
         _go(config, self.path, self.own_policy)
 
 
@@ -94,7 +88,13 @@ def _train(command: Any) -> None:
         print("settings that are known to learn this environment: --config tuned", file=sys.stderr)
     world = (config.environment or Path(str(config.data)).stem).replace("/", "-")
     path = command.output or Path("runs") / f"{config.algorithm}-{world}"
-    _go(config, path, config.policy if ".py:" in config.policy else None)
+    own = config.policy if ".py:" in config.policy else None
+    if own is not None and command.policy is None:
+        raise UserError(
+            f"{command.config} names a policy of your own, {own}: name it again with --policy; "
+            "code is never loaded because a file says so."
+        )
+    _go(config, path, own)
 
 
 def _settings(command: Any) -> dict[str, Any]:
@@ -175,13 +175,14 @@ def _go(config: "Config", path: Path, own: str | None) -> None:
             ended = train_in(path, config, own=own, **told)
     except (RunDirectoryError, DivergedError, ValueError) as error:
         raise UserError(str(error)) from error
+    words = "" if own is None else f" --own-policy {own}"
     if not ended.finished:
-        print(f"stopped at step {ended.step:,}; continue with: detpg resume {path}")
+        print(f"stopped at step {ended.step:,}; continue with: detpg resume {path}{words}")
         raise SystemExit(130)
     print(f"done: {ended.step:,} steps in {path}")
     print(f"  look    detpg plot {path}")
-    print(f"  judge   detpg evaluate {path}")
-    print(f"  use     detpg export {path} --format onnx")
+    print(f"  judge   detpg evaluate {path}{words}")
+    print(f"  use     detpg export {path} --format onnx{words}")
 
 
 class _Stop:
@@ -247,7 +248,7 @@ class _Shown:
 
     def started(self) -> None:
         """Called once the run is known to be possible."""
-        self._console.print(self._words, highlight=False)
+        self._console.print(self._words, highlight=False, markup=False)
 
     def show(self, progress: "Progress") -> None:
         """Called after every interval."""

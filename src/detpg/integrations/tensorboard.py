@@ -9,19 +9,18 @@ from typing import Any
 class Scalars:
     """Event files of a run; what a killed run wrote beyond its checkpoint is purged."""
 
-    def __init__(self, path: Path, seeds: int, purge_step: int):
+    def __init__(self, path: Path, seeds: int, step: int):
         """Opens a writer for each seed.
 
         Args:
             path: The folder; `tensorboard --logdir` takes it or one above.
             seeds: Number of learners.
-            purge_step: What is written from this step on replaces what was there.
+            step: What was written after this step is replaced; that of the step itself stays.
         """
         from tensorboardX import SummaryWriter
 
         self._writers = [
-            SummaryWriter(str(path / f"seed{i}"), purge_step=purge_step or None)
-            for i in range(seeds)
+            SummaryWriter(str(path / f"seed{i}"), purge_step=step + 1) for i in range(seeds)
         ]
 
     def write(self, seed: int, step: int, values: Mapping[str, Any]) -> None:

@@ -4,7 +4,7 @@ In: arrays and records. Out: files that are whole or absent, in formats that can
 Next: `detpg.figures` and people read them.
 """
 
-from detpg.runs.arrays import read_arrays, write_arrays
+from detpg.runs.arrays import plain, read_arrays, typed, write_arrays
 from detpg.runs.checkpoints import Checkpoints
 from detpg.runs.directory import MARK, RunDirectory, write_atomically, write_json
 from detpg.runs.lock import RunDirectoryError, locked
@@ -18,8 +18,10 @@ __all__ = [
     "RunDirectoryError",
     "TableWriter",
     "locked",
+    "plain",
     "provenance",
     "read_arrays",
+    "typed",
     "write_arrays",
     "write_atomically",
     "write_json",

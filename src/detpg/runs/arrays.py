@@ -6,9 +6,25 @@ from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 
 from detpg.runs.directory import write_atomically
+
+
+def plain(leaf: Any) -> np.ndarray:
+    """A leaf of a state as numbers; of a key its data."""
+    return np.asarray(jax.random.key_data(leaf) if _is_key(leaf) else leaf)
+
+
+def typed(found: np.ndarray, leaf: Any) -> Any:
+    """What `plain` made of a leaf like this one, as a leaf again."""
+    return jax.random.wrap_key_data(jnp.asarray(found)) if _is_key(leaf) else jnp.asarray(found)
+
+
+def _is_key(leaf: Any) -> bool:
+    return jnp.issubdtype(leaf.dtype, jax.dtypes.prng_key)
 
 
 def write_arrays(path: Path, arrays: Mapping[str, Any]) -> None:

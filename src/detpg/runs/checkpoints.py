@@ -6,13 +6,12 @@ import json
 import os
 import shutil
 from pathlib import Path
-from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
+from detpg.runs.arrays import plain, typed
 from detpg.runs.directory import write_json
 from detpg.runs.lock import RunDirectoryError
 
@@ -88,8 +87,13 @@ class Checkpoints:
             return None
         leaves, structure = jax.tree.flatten(like)
         found = _load(folder, _numbered(like))
-        numbers = range(len(leaves))
-        return structure.unflatten([_typed(found.get(str(i)), leaves[i]) for i in numbers])
+        return structure.unflatten(
+            # Empty ones are not kept.
+            [
+                typed(found[str(i)], leaf) if str(i) in found else leaf
+                for i, leaf in enumerate(leaves)
+            ]
+        )
 
     def _folder(self, step: int) -> Path:
         return self.path / f"{step:012d}"
@@ -100,22 +104,8 @@ class Checkpoints:
 
 def _numbered(tree: PyTree) -> dict[str, np.ndarray]:
     """The leaves by number, a key as its data; Orbax takes none that are empty."""
-    leaves = [np.asarray(_plain(leaf)) for leaf in jax.tree.leaves(tree)]
+    leaves = [plain(leaf) for leaf in jax.tree.leaves(tree)]
     return {str(i): leaf for i, leaf in enumerate(leaves) if leaf.size}
-
-
-def _is_key(leaf: Any) -> bool:
-    return jnp.issubdtype(leaf.dtype, jax.dtypes.prng_key)
-
-
-def _plain(leaf: Any) -> Any:
-    return jax.random.key_data(leaf) if _is_key(leaf) else leaf
-
-
-def _typed(found: np.ndarray | None, leaf: Any) -> Any:
-    if found is None:
-        return leaf  # an empty one
-    return jax.random.wrap_key_data(jnp.asarray(found)) if _is_key(leaf) else jnp.asarray(found)
 
 
 def _write(folder: Path, content: dict[str, np.ndarray]) -> None:

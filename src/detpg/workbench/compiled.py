@@ -7,13 +7,13 @@ from typing import Any
 import equinox as eqx
 import jax
 import numpy as np
-from jaxtyping import PyTree
+from jaxtyping import Key, PyTree
 
 from detpg.environments import ENVIRONMENTS, ScaledActions, TimeLimited
 from detpg.training import TrainState, begin, train
 from detpg.types import Algorithm, Bounds, Environment, EnvironmentSpec
 from detpg.workbench.config import Config
-from detpg.workbench.play import Played, episode
+from detpg.workbench.play import Played, episode, without_lost
 
 LEARNING, EVALUATION = 0, 1  # streams of the run's seed
 
@@ -57,10 +57,7 @@ class Compiled:
                 f"but {self.spec.name!r} is a world of steps: choose another algorithm."
             )
         self.learner = learner
-        root = jax.random.fold_in(jax.random.key(self._config.seed), LEARNING)
-        self._keys = jax.vmap(functools.partial(jax.random.fold_in, root))(
-            np.arange(self._config.seeds)
-        )
+        self._keys = learner_keys(self._config)
 
     def begin(self) -> TrainState:
         """Before the first step."""
@@ -91,7 +88,8 @@ class Compiled:
         """Episodes of the mean policies; their seeds are no learner's."""
         root = jax.random.fold_in(jax.random.key(seed), EVALUATION)
         keys = jax.random.split(root, episodes)
-        return Played(*(np.asarray(found) for found in self._player(self.learner, keys, learners)))
+        found = self._player(self.learner, keys, learners)
+        return without_lost(Played(*map(np.asarray, found)), learners)
 
     @functools.cached_property
     def _player(self) -> Callable[..., Any]:
@@ -111,6 +109,12 @@ class Compiled:
 
     def close(self) -> None:
         """Nothing is open."""
+
+
+def learner_keys(config: Config) -> Key[jax.Array, "seeds"]:
+    """A key for each learner; the same in every kind of world."""
+    root = jax.random.fold_in(jax.random.key(config.seed), LEARNING)
+    return jax.vmap(functools.partial(jax.random.fold_in, root))(np.arange(config.seeds))
 
 
 def named(config: Config, name: str) -> Environment:

@@ -2,7 +2,6 @@
 
 import dataclasses
 import json
-import math
 import tomllib
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -187,17 +186,14 @@ def read_settings(path: Path, algorithm: str) -> dict[str, Any]:
         raise ValueError(
             f"{path} cannot be read ({error}): give TOML, or JSON in a file .json."
         ) from error
+    found = (
+        found.get("run", found) if isinstance(found, dict) else found
+    )  # of a run's `config.json`
     if not isinstance(found, dict):
         raise ValueError(f"{path} holds no settings: give `name = value` lines.")
-    found = found.get("run", found)  # of a run's `config.json`
     tables = {name: value for name, value in found.items() if isinstance(value, dict)}
     own = tables.pop(algorithm, {})
     flat = {n: v for n, v in found.items() if not isinstance(v, dict)} | own
     for name in ("options", "environment_options"):
         flat |= {name: tables[name]} if name in tables else {}
     return flat
-
-
-def finite_json(value: float) -> float | str:
-    """A number as JSON has it: infinite ones as words."""
-    return value if math.isfinite(value) else str(value)

@@ -28,7 +28,7 @@ def opened(path: Path, config: Config, spec: EnvironmentSpec, bounds: Bounds) ->
     """Makes the folder of a run, or enters it if it holds this one; nobody else may.
 
     Raises:
-        RunDirectoryError: It holds another run, or somebody else is there.
+        RunDirectoryError: It holds another run or a longer one, or somebody else is there.
     """
     found, new = found_config(path), [p for p in (path, *path.parents) if not p.exists()]
     own = {MARK: __version__, **config.identity}
@@ -43,6 +43,12 @@ def opened(path: Path, config: Config, spec: EnvironmentSpec, bounds: Bounds) ->
                 f"{path} holds another run (different: {', '.join(different)}): choose another "
                 "--output."
             )
+    reached = Checkpoints(path / CHECKPOINTS).steps
+    if reached and config.steps < reached[-1]:
+        raise RunDirectoryError(
+            f"--steps {config.steps} lies behind step {reached[-1]}, which {path} has reached: "
+            "give as many or more."
+        )
     path.mkdir(parents=True, exist_ok=True)
     try:
         with locked(path):

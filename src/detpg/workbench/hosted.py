@@ -15,9 +15,9 @@ from detpg import trees
 from detpg.policies import cap
 from detpg.training import StepKeys
 from detpg.types import Action, Algorithm, Transition
-from detpg.workbench.compiled import EVALUATION, LEARNING
+from detpg.workbench.compiled import EVALUATION, LEARNING, learner_keys
 from detpg.workbench.config import Config
-from detpg.workbench.play import Played, discount, worth
+from detpg.workbench.play import Played, discount, without_lost, worth
 from detpg.wrappers import of_each_world, several_worlds
 from detpg.wrappers.controller import in_world_units
 
@@ -89,9 +89,7 @@ class Hosted:
                 f"but {self.spec.name!r} is a world of steps: choose another algorithm."
             )
         self.learner = learner
-        root = jax.random.fold_in(jax.random.key(self._config.seed), LEARNING)
-        numbers = np.arange(self._config.seeds)
-        self._keys = jax.vmap(functools.partial(jax.random.fold_in, root))(numbers)
+        self._keys = learner_keys(self._config)
 
     def begin(self) -> HostState:
         """Before the first step."""
@@ -216,7 +214,7 @@ class Hosted:
                 )
         least = min(map(len, rows))
         table = np.array([row[:least] for row in rows]).reshape(self._config.seeds, -1, 4)
-        return Played(*np.moveaxis(table[:, :episodes], -1, 0))
+        return without_lost(Played(*np.moveaxis(table[:, :episodes], -1, 0)), learners)
 
     @functools.cached_property
     def _evaluated(self) -> Any:

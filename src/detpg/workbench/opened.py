@@ -1,5 +1,6 @@
 """A run that was trained, opened again: its policies, and what they do."""
 
+import dataclasses
 from pathlib import Path
 from typing import Any, Literal
 
@@ -37,13 +38,14 @@ class OpenedRun:
         learner: The learner, as it was trained.
     """
 
-    def __init__(self, path: Path, policy: Policy | str | None = None):
+    def __init__(self, path: Path, policy: Policy | str | None = None, world: Any = None):
         """Reads what the run is, none of its numbers yet.
 
         Args:
             path: The directory.
             policy: The user's own, or where it stands as FILE.py:NAME; code is never loaded from
                 a run.
+            world: The user's own, if it was given to `train_in`.
 
         Raises:
             RunDirectoryError: No run, or one with a policy of the user's that is not given.
@@ -51,7 +53,7 @@ class OpenedRun:
         found = found_config(path)
         if found is None:
             raise RunDirectoryError(f"{path} is no run of `detpg train`: name its folder.")
-        self.path = path
+        self.path, self._own = path, world
         try:
             self.config = Config.from_json(found["run"])
             self.spec, self.bounds = read_spec(found["spec"])
@@ -76,8 +78,9 @@ class OpenedRun:
         )
         leaves, structure = jax.tree.flatten(like)
         names = [f"leaf{i}" for i in range(len(leaves))]
+        shapes = {"best_return": (seeds,)} | {n: leaf.shape for n, leaf in zip(names, leaves)}
         if kept is None or any(
-            name not in kept or kept[name].shape != leaf.shape for name, leaf in zip(names, leaves)
+            name not in kept or kept[name].shape != shape for name, shape in shapes.items()
         ):
             state = "damaged" if path.exists() else "not there yet: train on"
             raise RunDirectoryError(f"The {which} policy of {self.path} is {state}.")
@@ -107,12 +110,17 @@ class OpenedRun:
         return controller(self.learner, state, self.bounds)
 
     def play(self, which: Which = "best", episodes: int = 100, seed: int = 0) -> pa.Table:
-        """Episodes of all learners' mean policies: columns seed, step, episode, return, length.
+        """Episodes of all learners' mean policies: columns seed, episode, return, length.
 
         Raises:
             RunDirectoryError: There is no world to play in.
         """
-        engine = engine_of(self.config)
+        if self.config.environment is None:
+            raise RunDirectoryError(
+                f"{self.path} was trained on logged data alone, and there is no world to play in."
+            )
+        # The data are not needed any more, and may be elsewhere.
+        engine = engine_of(dataclasses.replace(self.config, data=None), self._own)
         try:
             engine.use(self.learner)
             # Other episodes than those by which the best policies were chosen.
@@ -120,11 +128,9 @@ class OpenedRun:
             played: Played | None = engine.play(self.learners(which), episodes, own)
         finally:
             engine.close()
-        if played is None:
-            raise RunDirectoryError(
-                f"{self.path} was trained on logged data alone, and there is no world to play in."
-            )
-        return evaluations_table(played, self.config.steps)
+        assert played is not None  # in a world
+        # When the best were learnt differs from seed to seed, and a run may have stopped early.
+        return evaluations_table(played, self.config.steps).drop_columns(["step"])
 
     @property
     def world(self) -> Environment | None:
@@ -147,7 +153,7 @@ class OpenedRun:
             raise RunDirectoryError(f"{self.path} knows logged data alone: nothing can be filmed.")
         controller = self.controller(which, seed)
         act = jax.jit(lambda observation: controller(observation))
-        worlds = hosted_worlds(self.config, None, 1, render_mode="rgb_array")
+        worlds = hosted_worlds(self.config, self._own, 1, render_mode="rgb_array")
         try:
             observation = worlds.reset([start])
             frames = [_frame(worlds)]
@@ -171,9 +177,9 @@ def _frame(worlds: Any) -> np.ndarray:
     return np.array(frame)
 
 
-def open_run(path: Path | str, policy: Policy | str | None = None) -> OpenedRun:
+def open_run(path: Path | str, policy: Policy | str | None = None, world: Any = None) -> OpenedRun:
     """A run directory, read; see `OpenedRun`."""
-    return OpenedRun(Path(path), policy)
+    return OpenedRun(Path(path), policy, world)
 
 
 def read_spec(found: dict[str, Any]) -> tuple[EnvironmentSpec, Bounds]:

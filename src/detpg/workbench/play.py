@@ -89,6 +89,23 @@ def episode(
     return total, length, earned, value
 
 
+def finite_seeds(learners: PyTree, seeds: int) -> np.ndarray:
+    """Whether all numbers of each learner are finite."""
+    fine = np.ones(seeds, bool)
+    for leaf in jax.tree.leaves(learners):
+        if jnp.issubdtype(leaf.dtype, jnp.floating):
+            fine &= np.isfinite(np.asarray(leaf)).reshape(seeds, -1).all(axis=1)
+    return fine
+
+
+def without_lost(played: Played, learners: PyTree) -> Played:
+    """With NaN for what a lost learner earned: its actions were those of something else."""
+    lost = ~finite_seeds(learners, len(played.returns))
+    earned = (np.where(lost[:, None], np.nan, found) for found in (played.returns, *played[2:]))
+    returns, *others = earned
+    return Played(returns, played.lengths, *others)
+
+
 class Bias(NamedTuple):
     """How much the critic overestimates at the start of episodes; the size of returns."""
 

@@ -6,13 +6,12 @@ from typing import Any
 
 import equinox as eqx
 import jax
-import numpy as np
 from jaxtyping import PyTree
 
 from detpg.integrations.logged import Logged, read
 from detpg.replaying import ReplayState, check_learner, learn_from
 from detpg.types import Algorithm, Bounds
-from detpg.workbench.compiled import LEARNING
+from detpg.workbench.compiled import learner_keys
 from detpg.workbench.config import Config
 from detpg.workbench.play import Played
 from detpg.workbench.session import Engine
@@ -65,9 +64,7 @@ class Replayed:
         self.learner = learner
         if self._world is not None:
             self._world.use(learner)
-        root = jax.random.fold_in(jax.random.key(self._config.seed), LEARNING)
-        numbers = np.arange(self._config.seeds)
-        self._keys = jax.vmap(functools.partial(jax.random.fold_in, root))(numbers)
+        self._keys = learner_keys(self._config)
 
     def begin(self) -> ReplayState:
         """Before the first step."""

@@ -12,7 +12,7 @@ import pyarrow as pa
 from jaxtyping import PyTree
 
 from detpg.integrations.tensorboard import Scalars
-from detpg.runs import Checkpoints, RunDirectoryError, write_arrays
+from detpg.runs import Checkpoints, RunDirectoryError, plain, write_arrays
 from detpg.types import Policy
 from detpg.workbench.config import Config
 from detpg.workbench.diagnosis import DivergedError, warnings
@@ -44,7 +44,8 @@ class Progress(NamedTuple):
         steps: In all.
         rate: Environment steps a second of all learners together, since the start or resume.
         seconds_left: At that rate.
-        returned: Mean return of the last evaluation, over learners; None before the first.
+        returned: Mean return of the last evaluation, over learners that are not lost; None before
+            the first.
         messages: New ones, in words: warnings, lost learners, damaged checkpoints.
     """
 
@@ -175,7 +176,8 @@ class _Recorder:
         if interval.played is not None:
             rows = evaluations_table(interval.played, interval.step)
             self._evaluations = pa.concat_tables([self._evaluations, rows])
-            self._returned = float(interval.played.returns.mean())
+            known = interval.played.returns[np.isfinite(interval.played.returns)]
+            self._returned = float(known.mean()) if known.size else None
 
     def _diagnose(self, interval: Interval) -> None:
         config = self._session.config
@@ -220,5 +222,5 @@ class _Recorder:
 
 def write_policy(path: Path, learners: PyTree, best_return: Any) -> None:
     """States of the learners, leaves by number, seeds first."""
-    leaves = {f"leaf{i}": np.asarray(leaf) for i, leaf in enumerate(jax.tree.leaves(learners))}
+    leaves = {f"leaf{i}": plain(leaf) for i, leaf in enumerate(jax.tree.leaves(learners))}
     write_arrays(path, {"best_return": np.asarray(best_return), **leaves})

@@ -11,7 +11,7 @@ from jaxtyping import PyTree
 from detpg.types import Algorithm, Bounds, EnvironmentSpec
 from detpg.workbench.config import Config
 from detpg.workbench.diagnosis import faults
-from detpg.workbench.play import Played, bias
+from detpg.workbench.play import Played, bias, finite_seeds
 from detpg.workbench.tables import read_meter
 from detpg.wrappers import Controller, Metered
 
@@ -215,15 +215,6 @@ def policy_parameters(state: Any) -> PyTree:
     while hasattr(state, "learner"):
         state = state.learner
     return next(getattr(state, n) for n in ("theta", "u", "parameters") if hasattr(state, n))
-
-
-def finite_seeds(learners: PyTree, seeds: int) -> np.ndarray:
-    """Whether all numbers of each learner are finite."""
-    fine = np.ones(seeds, bool)
-    for leaf in jax.tree.leaves(learners):
-        if jnp.issubdtype(leaf.dtype, jnp.floating):
-            fine &= np.isfinite(np.asarray(leaf)).reshape(seeds, -1).all(axis=1)
-    return fine
 
 
 def _flat(tree: PyTree) -> np.ndarray:

@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from detpg.runs import RunDirectoryError, read_arrays, write_arrays
+from detpg.runs import RunDirectoryError, plain, read_arrays, typed, write_arrays
 from detpg.types import Policy, hyper_parameters
 from detpg.workbench.config import Config
 from detpg.workbench.diagnosis import DivergedError
@@ -143,7 +143,7 @@ class Trainer:
     def save(self, path: str | Path) -> None:
         """Writes all of it as one `.npz` file: to predict with, or to learn on."""
         leaves = jax.tree.leaves(self.session.kept)
-        numbered = {f"leaf{i}": np.asarray(leaf) for i, leaf in enumerate(leaves)}
+        numbered = {f"leaf{i}": plain(leaf) for i, leaf in enumerate(leaves)}
         about = {CONFIG: np.asarray(json.dumps(self.config.as_json())), STEP: self.session.step}
         write_arrays(_npz(path), {**about, **numbered})
 
@@ -179,12 +179,13 @@ class Trainer:
         session = trainer.session
         leaves, structure = jax.tree.flatten(session.kept)
         found = [kept.get(f"leaf{i}", np.empty(())) for i in range(len(leaves))]
-        if [(leaf.shape, leaf.dtype) for leaf in leaves] != [(x.shape, x.dtype) for x in found]:
+        wanted = map(plain, leaves)
+        if [(x.shape, x.dtype) for x in wanted] != [(x.shape, x.dtype) for x in found]:
             raise ValueError(
                 f"{_npz(path)} was written by a learner of other sizes: give the environment and "
                 "the policy that it was trained with."
             )
-        session.resume(step, structure.unflatten(map(jnp.asarray, found)))
+        session.resume(step, structure.unflatten(map(typed, found, leaves)))
         return trainer
 
 

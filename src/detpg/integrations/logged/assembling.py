@@ -109,7 +109,7 @@ def _seen(parts: Sequence[Part]) -> Bounds:
         )
     warnings.warn(
         "The data do not say which actions are legal: the least and greatest in them, "
-        f"{_text(bounds.low)} and {_text(bounds.high)}, are taken for the bounds.",
+        f"{text(bounds.low)} and {text(bounds.high)}, are taken for the bounds.",
         stacklevel=4,
     )
     return bounds
@@ -129,7 +129,7 @@ def check_inside(part: Part, bounds: Bounds) -> None:
         )
     if not all(low < high for low, high in zip(*bounds)):
         raise ValueError(
-            f"The bounds {_text(bounds.low)} and {_text(bounds.high)} are no box: give low < high "
+            f"The bounds {text(bounds.low)} and {text(bounds.high)} are no box: give low < high "
             "for each action component, -inf and inf where there is no bound."
         )
     low, high, half = (np.asarray(x) for x in (*bounds, bounds.half_range))
@@ -144,6 +144,6 @@ def check_inside(part: Part, bounds: Bounds) -> None:
         )
 
 
-def _text(numbers: Sequence[float]) -> str:
-    """In brackets, as short as can be."""
+def text(numbers: Sequence[float]) -> str:
+    """Bounds in brackets, as short as can be."""
     return f"[{', '.join(f'{x:g}' if math.isfinite(x) else str(x) for x in numbers)}]"

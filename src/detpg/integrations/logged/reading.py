@@ -1,9 +1,12 @@
 """Where the data lie: a Parquet file, a folder, a Minari data set by its folder or name."""
 
+import warnings
 from pathlib import Path
 
+import numpy as np
+
 from detpg.integrations.logged import parquet
-from detpg.integrations.logged.assembling import assembled
+from detpg.integrations.logged.assembling import assembled, text
 from detpg.integrations.logged.parts import Part
 from detpg.replaying import Logged
 from detpg.types import Bounds
@@ -16,13 +19,26 @@ def read(path: str | Path, bounds: Bounds | None = None) -> Logged:
         path: A Parquet file, a folder of them, the folder of a Minari data set, or the name of a
             local one. docs/logged_data.md names the columns.
         bounds: The box of legal actions, in the data's units; what the data say, when not given,
-            and else the least and greatest action in them, with a warning.
+            and else the least and greatest action in them, with a warning. If the data say
+            otherwise there is a warning too.
 
     Raises:
         ValueError: Says what is wrong with the data, where, and how to mend it.
     """
     parts, said = _parts(path)
+    if bounds is not None and said is not None and _single(bounds) != _single(said):
+        warnings.warn(
+            f"{path} says that actions lie between {text(said.low)} and {text(said.high)}, but "
+            f"{text(bounds.low)} and {text(bounds.high)} are taken: log actions in the world's own "
+            "units.",
+            stacklevel=2,
+        )
     return assembled(str(path), parts, bounds or said)
+
+
+def _single(bounds: Bounds) -> list[list[float]]:
+    """As spaces of single precision hold them."""
+    return [np.asarray(end, np.float32).tolist() for end in bounds]
 
 
 def _parts(path: str | Path) -> tuple[list[Part], Bounds | None]:
