@@ -67,7 +67,7 @@ def test_a_problem_ends_with_code_1(
     }
     with pytest.raises(SystemExit):
         main(words)
-    assert "1 problems, 0 warnings" in capsys.readouterr().out
+    assert "1 problem, 0 warnings" in capsys.readouterr().out
 
 
 def test_a_warning_is_no_failure(capsys: pytest.CaptureFixture[str]):

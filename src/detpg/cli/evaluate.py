@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import tyro
 
 from detpg.cli.errors import UserError
-from detpg.cli.opened import OwnPolicy, opened, told
+from detpg.cli.opened import OwnEnvironment, OwnPolicy, opened, told
 
 if TYPE_CHECKING:
     import numpy as np
@@ -43,6 +43,9 @@ class Evaluate:
     own_policy: OwnPolicy = None
     """Policy of your own, if the run was trained with one: code is never loaded from a run."""
 
+    own_environment: OwnEnvironment = None
+    """The run's environment, if it is one of your own that a module registers."""
+
     episodes_table: bool = False
     """Print a row for each episode also where there are several training seeds."""
 
@@ -59,7 +62,7 @@ class Evaluate:
             if not low <= getattr(self, name) <= high:
                 value = getattr(self, name)
                 raise UserError(f"--{name} {value} cannot be used: give {low} to {high}.")
-        run = opened(self.path, self.policy, self.own_policy)
+        run = opened(self.path, self.policy, self.own_policy, self.own_environment)
         with told():
             played = run.play(which=self.policy, episodes=self.episodes, seed=self.seed)
         rows: list[dict[str, Any]] = played.to_pylist()

@@ -13,15 +13,19 @@ POLICIES = ("best", "last")
 OwnPolicy = Annotated[
     str | None, tyro.conf.arg(metavar="FILE.py:NAME", help_behavior_hint="(default: none)")
 ]
+OwnEnvironment = Annotated[
+    str | None, tyro.conf.arg(metavar="MODULE:ID", help_behavior_hint="(default: none)")
+]
 
 
-def opened(path: Path, policy: str, own: str | None = None) -> Any:
+def opened(path: Path, policy: str, own: str | None = None, environment: str | None = None) -> Any:
     """The run in a folder, one of whose policies is asked for.
 
     Args:
         path: The folder.
         policy: Which of its policies.
         own: Where the user's own policy stands, FILE.py:NAME.
+        environment: The user's own environment, whose module is imported.
 
     Raises:
         UserError: No run, or one that has not kept that policy yet.
@@ -30,7 +34,9 @@ def opened(path: Path, policy: str, own: str | None = None) -> Any:
         raise UserError(f"{path} is not a run: name a folder that `detpg train` has written.")
     with told():
         from detpg.workbench import open_run
+        from detpg.workbench.own import import_module_of
 
+        import_module_of(environment)
         run = open_run(path, own)
     if not (path / f"{policy}.npz").is_file():
         raise UserError(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 
 from detpg.cli.errors import UserError
-from detpg.cli.opened import POLICIES, OwnPolicy, opened, told
+from detpg.cli.opened import POLICIES, OwnEnvironment, OwnPolicy, opened, told
 from detpg.cli.outputs import check_writable, checked_kind, unwritable
 
 if TYPE_CHECKING:
@@ -58,6 +58,9 @@ class Render:
 
     own_policy: OwnPolicy = None
     """Policy of your own, if the run was trained with one: code is never loaded from a run."""
+
+    own_environment: OwnEnvironment = None
+    """The run's environment, if it is one of your own that a module registers."""
 
     steps: Annotated[
         int | None,
@@ -117,7 +120,7 @@ class Render:
         which = self.policy or POLICIES[0]
         if which not in POLICIES:
             raise UserError(f"--policy {which} is not of a run: choose best or last.")
-        run = opened(Path(self.what), which, self.own_policy)
+        run = opened(Path(self.what), which, self.own_policy, self.own_environment)
         if self.index is not None and not 0 <= self.index < run.config.seeds:
             raise UserError(
                 f"--index {self.index} cannot be used: {self.what} has {run.config.seeds} "

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 
 from detpg.cli.errors import UserError
-from detpg.cli.opened import OwnPolicy
+from detpg.cli.opened import OwnEnvironment, OwnPolicy
 
 if TYPE_CHECKING:
     from detpg.workbench.config import Config
@@ -51,6 +51,9 @@ class Resume:
     own_policy: OwnPolicy = None
     """Policy of your own, if the run was trained with one: code is never loaded from a run."""
 
+    own_environment: OwnEnvironment = None
+    """The run's environment, if it is one of your own that a module registers."""
+
     def run(self) -> None:
         """Continues.
 
@@ -73,7 +76,7 @@ class Resume:
             config = dataclasses.replace(config, steps=steps)
         except (TypeError, ValueError) as error:
             raise UserError(f"{self.path} cannot be continued: {error}") from error
-        _go(config, self.path, self.own_policy)
+        _go(config, self.path, self.own_policy, self.own_environment)
 
 
 def _train(command: Any) -> None:
@@ -94,7 +97,7 @@ def _train(command: Any) -> None:
             f"{command.config} names a policy of your own, {own}: name it again with --policy; "
             "code is never loaded because a file says so."
         )
-    _go(config, path, own)
+    _go(config, path, own, command.environment)
 
 
 def _settings(command: Any) -> dict[str, Any]:
@@ -163,13 +166,15 @@ def _pair(words: str) -> tuple[str, Any]:
         return name, value
 
 
-def _go(config: "Config", path: Path, own: str | None) -> None:
+def _go(config: "Config", path: Path, own: str | None, environment: str | None) -> None:
     from detpg.runs import RunDirectoryError
     from detpg.workbench.diagnosis import DivergedError
+    from detpg.workbench.own import import_module_of
     from detpg.workbench.run import train_in
 
     stop = _Stop()
     try:
+        import_module_of(environment)  # what was typed, not what a file names
         with _Shown(config, path) as shown, stop.listening():
             told = {"started": shown.started, "report": shown.show, "should_stop": stop.asked}
             ended = train_in(path, config, own=own, **told)

@@ -7,6 +7,7 @@ from detpg.types import Environment
 from detpg.workbench.compiled import Compiled, named
 from detpg.workbench.config import Config
 from detpg.workbench.hosted import Hosted
+from detpg.workbench.own import check_imported
 from detpg.workbench.session import Engine
 
 OURS = {f"detpg/{kind.__name__}-v0": name for name, kind in ENVIRONMENTS.items()}
@@ -48,6 +49,8 @@ def hosted_worlds(config: Config, world: Any, num: int, render_mode: str | None 
     """Copies of a Gymnasium environment, as `integrations.gymnasium.worlds.Worlds`."""
     from detpg.integrations.gymnasium.worlds import open_worlds
 
+    if world is None:
+        check_imported(config.environment)
     given = str(config.environment) if world is None else world
     options = dict(config.environment_options) if world is None else None
     limit = config.time_limit

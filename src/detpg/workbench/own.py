@@ -1,5 +1,6 @@
-"""A controller of the user's own, named on the command line as FILE.py:NAME."""
+"""What is the user's own: a controller, FILE.py:NAME; a module that registers an environment."""
 
+import importlib
 import importlib.util
 import sys
 from pathlib import Path
@@ -46,6 +47,37 @@ def needs_own(path: Path, config: Config) -> str:
         f"{path} was trained with a policy of your own, {config.policy}: name it again with "
         "--own-policy; code is never loaded from a run."
     )
+
+
+def import_module_of(environment: str | None) -> None:
+    """Imports the module of an id `module:Id-v0`, which registers it; only of what the user typed.
+
+    Raises:
+        ValueError: The module cannot be imported.
+    """
+    module, colon, _ = str(environment).rpartition(":")
+    if not colon:
+        return
+    try:
+        importlib.import_module(module)
+    except Exception as error:
+        raise ValueError(
+            f"environment {environment!r} cannot be built: {type(error).__name__}: {error}."
+        ) from error
+
+
+def check_imported(environment: str | None) -> None:
+    """Refuses an id whose module nobody has imported: a file that was read may not run code.
+
+    Raises:
+        ValueError: Says how to name it.
+    """
+    module, colon, _ = str(environment).rpartition(":")
+    if colon and module not in sys.modules:
+        raise ValueError(
+            f"The environment {environment} would run the module {module}, but code is never "
+            f"loaded because a file names it: name it again with --own-environment {environment}."
+        )
 
 
 def _loaded(path: Path, words: str) -> Any:

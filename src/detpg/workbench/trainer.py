@@ -15,6 +15,7 @@ from detpg.workbench.config import Config
 from detpg.workbench.diagnosis import DivergedError
 from detpg.workbench.engines import engine_of
 from detpg.workbench.learners import algorithm_class, learner, switches
+from detpg.workbench.own import check_imported, import_module_of
 from detpg.workbench.session import Interval, Session
 
 CONFIG, STEP = "config", "step"
@@ -53,6 +54,8 @@ class Trainer:
         options = {name: settings.pop(name) for name in list(settings) if name in own}
         _check_shared(environment)
         named = isinstance(environment, str)
+        if named:
+            import_module_of(environment)
         self.config = Config.from_json(
             {
                 "algorithm": algorithm,
@@ -174,6 +177,8 @@ class Trainer:
                 f"{_npz(path)} was written by a trainer with a policy of your own: give it again, "
                 "for code is never loaded from a file."
             )
+        if environment is None:
+            check_imported(world)
         given = kind if policy is None else policy
         trainer = cls(name, world if environment is None else environment, policy=given, **settings)
         session = trainer.session
