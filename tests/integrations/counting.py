@@ -3,6 +3,9 @@
 import gymnasium
 import numpy as np
 from gymnasium.spaces import Box
+from gymnasium.vector import SyncVectorEnv
+
+from detpg.integrations.gymnasium.worlds import open_worlds
 
 # How the episodes of `Counting` end, in turn: (terminated, truncated) after so many steps. The seed
 # says which comes first, so that worlds side by side end apart.
@@ -56,3 +59,10 @@ class Spaced(gymnasium.Env):
 
     def seen(self):
         return self.observation_space.sample() if self._seen is None else self._seen
+
+
+def opened(mode, num, make=Counting):
+    """Plain worlds, or the same ones in a vector environment."""
+    if mode is None:
+        return open_worlds(make, num)
+    return open_worlds(SyncVectorEnv([make] * num, autoreset_mode=mode))
