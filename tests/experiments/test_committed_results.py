@@ -33,6 +33,9 @@ def known(names):
     for name in names:
         bands = pl.read_parquet(RESULTS / name / "bands.parquet").select("mean", "low", "high")
         rows += bands.drop_nulls().rows()
+    for path in (RESULTS / "gymnasium").glob("*/final.json"):
+        mean = json.loads(path.read_text())["mean"]
+        rows.append((mean["value"], *mean["interval"]))
     return np.array(rows, dtype=float)
 
 
