@@ -31,6 +31,14 @@ class Point(gymnasium.Env):
         return -float(np.sum(self.place**2))
 
 
+class Falling(Point):
+    """Ends by itself, sooner or later."""
+
+    def step(self, action):
+        seen, reward, *_ = super().step(action)
+        return seen, reward, bool(abs(self.place[0]) > 1.5), False, {}
+
+
 def checked(make, limit=LENGTH, steps=400, **options):
     return check_gymnasium(make, time_limit=limit, steps=steps, **options)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from gymnasium.spaces import Box, Dict, Discrete
 from gymnasium.wrappers import TimeLimit
-from points import LENGTH, Point, bad, checked, of
+from points import LENGTH, Falling, Point, bad, checked, of
 
 
 def test_a_world_without_fault_is_fine():
@@ -200,14 +200,6 @@ def test_actions_without_scale():
     findings = checked(Wide)
     assert bad(findings) == {"action bounds": "warning"}
     assert of(findings, "action bounds").found.endswith("ranges from -1e+08 to 1e+08.")
-
-
-class Falling(Point):
-    """Ends by itself, sooner or later."""
-
-    def step(self, action):
-        seen, reward, *_ = super().step(action)
-        return seen, reward, bool(abs(self.place[0]) > 1.5), False, {}
 
 
 class Clocked(Point):

@@ -5,7 +5,7 @@ import pytest
 from counting import Spaced
 from gymnasium.spaces import Box, Discrete, Text
 from gymnasium.vector import SyncVectorEnv
-from points import Point, bad, checked, of
+from points import Falling, Point, bad, checked, of
 
 from detpg.testing import check_gymnasium
 
