@@ -15,6 +15,7 @@ The folders are stops on the road of the data, and imports follow it:
     theorems       beside it: the paper's theorems as checks
     figures        tables drawn
 
+`detpg.wrappers` goes around an algorithm: normalisers, meters, what is deployed.
 `detpg.replaying` is the same loop over logged transitions of another behaviour.
 `detpg.diagnostics` measures one's own critic against Theorem 3, and one's own actor's direction
 against the exact gradient.

@@ -202,7 +202,6 @@ def test_the_spec_says_what_is_known():
     assert open_worlds(gymnasium.make_vec("Pendulum-v1", 3)).spec.name == "Pendulum-v1"
     arm = open_worlds("detpg/OctopusArm-v0", options={"num_segments": 2})
     assert arm.spec.discount == OctopusArm().spec.discount
-    assert not arm.exact_resume
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,7 @@ from detpg.environments import ENVIRONMENTS, ScaledActions, TimeLimited
 from detpg.training import TrainState, begin, train
 from detpg.types import Algorithm, Bounds, Environment, EnvironmentSpec
 from detpg.workbench.config import Config
+from detpg.workbench.learners import check_episodes
 from detpg.workbench.play import Played, episode, without_lost
 
 LEARNING, EVALUATION = 0, 1  # streams of the run's seed
@@ -51,11 +52,7 @@ class Compiled:
         Raises:
             ValueError: It learns from batches of one-step episodes, and this world has longer ones.
         """
-        if learner.batch_size is not None and self.spec.time_limit != 1:
-            raise ValueError(
-                f"The learner takes batches of {learner.batch_size} one-step episodes of a bandit, "
-                f"but {self.spec.name!r} is a world of steps: choose another algorithm."
-            )
+        check_episodes(learner, self.spec)
         self.learner = learner
         self._keys = learner_keys(self._config)
 

@@ -17,6 +17,7 @@ from detpg.training import StepKeys
 from detpg.types import Action, Algorithm, Transition
 from detpg.workbench.compiled import EVALUATION, LEARNING, learner_keys
 from detpg.workbench.config import Config
+from detpg.workbench.learners import check_episodes
 from detpg.workbench.play import Played, discount, without_lost, worth
 from detpg.wrappers import of_each_world, several_worlds
 from detpg.wrappers.controller import in_world_units
@@ -83,11 +84,12 @@ class Hosted:
         Raises:
             ValueError: It learns from batches of one-step episodes.
         """
-        if learner.batch_size is not None:
+        if learner.batch_size is not None and self.spec.time_limit == 1:
             raise ValueError(
-                f"The learner takes batches of {learner.batch_size} one-step episodes of a bandit, "
-                f"but {self.spec.name!r} is a world of steps: choose another algorithm."
+                f"The learner takes batches of {learner.batch_size} episodes side by side, which "
+                "the host does not play: choose another algorithm."
             )
+        check_episodes(learner, self.spec)
         self.learner = learner
         self._keys = learner_keys(self._config)
 

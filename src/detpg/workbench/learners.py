@@ -34,6 +34,19 @@ def algorithm_class(name: str) -> type[Algorithm]:
     return ALGORITHMS[name]
 
 
+def check_episodes(learner: Algorithm, spec: EnvironmentSpec) -> None:
+    """Refuses a learner of one-step episodes in a world of longer ones.
+
+    Raises:
+        ValueError: Says what it takes.
+    """
+    if learner.batch_size is not None and spec.time_limit != 1:
+        raise ValueError(
+            f"The learner takes batches of {learner.batch_size} one-step episodes of a bandit, "
+            f"but {spec.name!r} is a world of steps: choose another algorithm."
+        )
+
+
 def parts_of(algorithm: type[Algorithm]) -> tuple[str, ...]:
     """Which parts it is made of, among policy, action_value, state_value, features."""
     names = [field.name for field in dataclasses.fields(typing.cast("Any", algorithm))]

@@ -60,7 +60,7 @@ def import_module_of(environment: str | None) -> None:
         return
     try:
         importlib.import_module(module)
-    except Exception as error:
+    except Exception as error:  # whatever the user's own code raises
         raise ValueError(
             f"environment {environment!r} cannot be built: {type(error).__name__}: {error}."
         ) from error
@@ -88,7 +88,7 @@ def _loaded(path: Path, words: str) -> Any:
     sys.modules[module_spec.name] = module  # where dataclasses look for it
     try:
         module_spec.loader.exec_module(module)
-    except Exception as error:
+    except Exception as error:  # whatever the user's own code raises
         raise ValueError(
             f"policy {words!r} cannot be loaded: {type(error).__name__}: {error}."
         ) from error
@@ -100,7 +100,7 @@ def _built(found: Any, words: str, spec: EnvironmentSpec) -> Any:
         return found
     try:
         return found(spec)
-    except Exception as error:
+    except Exception as error:  # whatever the user's own code raises
         raise ValueError(
             f"policy {words!r} cannot be built: {type(error).__name__}: {error}."
         ) from error

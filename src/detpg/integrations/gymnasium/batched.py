@@ -33,7 +33,6 @@ class BatchedWorlds:
         spec: Of each copy.
         num: How many.
         time_limit: Steps, or None where none is known.
-        exact_resume: False: a Gymnasium environment has no state that can be saved.
     """
 
     def __init__(self, env: VectorEnv):
@@ -42,7 +41,7 @@ class BatchedWorlds:
         Raises:
             ValueError: Names a space that cannot be used, or says that there is no autoreset mode.
         """
-        self.env, self.num, self.exact_resume = env, env.num_envs, False
+        self.env, self.num = env, env.num_envs
         self._mode = _mode(env)
         self._observations = FlatObservations(env.single_observation_space)
         self._actions = FlatActions(env.single_action_space, self.num)

@@ -92,7 +92,8 @@ class FlatActions:
         self.low, self.high = _numbers(box.low), _numbers(box.high)
         self._shape, self._batch_shape = (num, self.size), (num, *box.shape)
         # An infinite action is outside even where there is no bound.
-        most = np.finfo(box.low.dtype.type).max  # pyright: ignore
+        # NumPy types finfo for float classes alone; that the box is of floats was checked above.
+        most = np.finfo(box.low.dtype.type).max  # pyright: ignore[reportArgumentType,reportCallIssue]
         self._low = np.maximum(np.ravel(box.low), -most)
         self._high = np.minimum(np.ravel(box.high), most)
 

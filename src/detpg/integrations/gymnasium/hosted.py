@@ -46,13 +46,11 @@ class Worlds(Protocol):
         spec: Bounds in the world's own units; `time_limit` is NO_TIME_LIMIT where none is known.
         num: How many.
         time_limit: Steps, or None where none is known: evaluation then needs one.
-        exact_resume: Whether their state can be saved; a Gymnasium world's cannot.
     """
 
     spec: EnvironmentSpec
     num: int
     time_limit: int | None
-    exact_resume: bool
 
     def reset(self, seeds: Sequence[int]) -> np.ndarray:
         """New episodes in all worlds, observations (num, d); later ones follow from the seeds."""

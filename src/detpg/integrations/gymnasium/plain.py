@@ -27,7 +27,6 @@ class PlainWorlds:
         spec: Of each.
         num: How many.
         time_limit: Steps, or None where none is known.
-        exact_resume: False: a Gymnasium environment has no state that can be saved.
     """
 
     def __init__(self, envs: Sequence[gymnasium.Env]):
@@ -37,7 +36,7 @@ class PlainWorlds:
             ValueError: Names a space that cannot be used, or says that the spaces differ.
         """
         first = envs[0]
-        self.envs, self.num, self.exact_resume = envs, len(envs), False
+        self.envs, self.num = envs, len(envs)
         self._observations = FlatObservations(first.observation_space)
         self._actions = FlatActions(first.action_space, self.num)
         self._check_alike()

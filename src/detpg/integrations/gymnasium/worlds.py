@@ -77,7 +77,7 @@ def build(make: str | Callable[..., Any], options: Options, time_limit: int | No
             # What Gymnasium's checker looks at is looked at once, by detpg.testing.
             return gymnasium.make(make, disable_env_checker=True, **{**options, **limit})
         env = make(**options)
-    except Exception as error:
+    except Exception as error:  # a world of somebody else's may fail in any way
         raise ValueError(f"environment {name!r} cannot be built: {sentence(error)}") from error
     if not isinstance(env, gymnasium.Env | VectorEnv):
         kind = f"{type(env).__module__}.{type(env).__name__}"
