@@ -18,7 +18,7 @@ from detpg.environments import OctopusArm
 from detpg.experiments.study import Arm, Condition, Results
 from detpg.experiments.sweep import COMPILER_OPTIONS, STREAMS, Shard
 from detpg.policies import MLPPolicy
-from detpg.runs import read_arrays, write_arrays
+from detpg.runs import numbered, read_arrays, write_arrays
 from detpg.training import TrainState, begin, train
 from detpg.types import Algorithm, Policy
 
@@ -141,12 +141,7 @@ def _keep(path: str | None, states: TrainState, seen: list[np.ndarray]) -> None:
     # Without a checkpoint a run can still be finished; what is wrong with the disk is said when the
     # finished shard is saved.
     with contextlib.suppress(OSError):
-        write_arrays(Path(path), {"seen": np.stack(seen), **_numbered(states)})
-
-
-def _numbered(tree: PyTree) -> dict[str, Any]:
-    """The leaves by number, as they are saved."""
-    return {f"leaf{i}": np.asarray(leaf) for i, leaf in enumerate(jax.tree.leaves(tree))}
+        write_arrays(Path(path), {"seen": np.stack(seen), **numbered(states)})
 
 
 def _loaded(path: str | None, states: TrainState) -> tuple[TrainState, list[np.ndarray]]:
@@ -186,7 +181,7 @@ def keep_policy(results: Results, shards: list[Shard], directory: Path) -> None:
     states, _ = _loaded(shard.checkpoint, begun(points, keys))
     run = row * num_seeds + shard.seeds.index(seed)
     theta = jax.tree.map(lambda x: x[run], states.learner.theta)
-    write_arrays(directory / POLICY, {"seed": seed, **_numbered(theta)})
+    write_arrays(directory / POLICY, {"seed": seed, **numbered(theta)})
 
 
 def kept_policy(arm: Arm, environment: OctopusArm, path: Path) -> tuple[Policy, PyTree]:

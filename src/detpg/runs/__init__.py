@@ -4,7 +4,7 @@ In: arrays and records. Out: files that are whole or absent, in formats that can
 Next: `detpg.figures` and people read them.
 """
 
-from detpg.runs.arrays import plain, read_arrays, typed, write_arrays
+from detpg.runs.arrays import numbered, plain, read_arrays, typed, write_arrays
 from detpg.runs.checkpoints import Checkpoints
 from detpg.runs.directory import MARK, RunDirectory, write_atomically, write_json
 from detpg.runs.lock import RunDirectoryError, locked
@@ -18,6 +18,7 @@ __all__ = [
     "RunDirectoryError",
     "TableWriter",
     "locked",
+    "numbered",
     "plain",
     "provenance",
     "read_arrays",

@@ -9,6 +9,7 @@ from zipfile import BadZipFile
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import PyTree
 
 from detpg.runs.directory import write_atomically
 
@@ -25,6 +26,11 @@ def typed(found: np.ndarray, leaf: Any) -> Any:
 
 def _is_key(leaf: Any) -> bool:
     return jnp.issubdtype(leaf.dtype, jax.dtypes.prng_key)
+
+
+def numbered(tree: PyTree) -> dict[str, np.ndarray]:
+    """The leaves of a tree by number, as they are written."""
+    return {f"leaf{i}": plain(leaf) for i, leaf in enumerate(jax.tree.leaves(tree))}
 
 
 def write_arrays(path: Path, arrays: Mapping[str, Any]) -> None:

@@ -6,13 +6,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import jax
 import numpy as np
 import pyarrow as pa
 from jaxtyping import PyTree
 
 from detpg.integrations.tensorboard import Scalars
-from detpg.runs import Checkpoints, RunDirectoryError, plain, write_arrays
+from detpg.runs import Checkpoints, RunDirectoryError, numbered, write_arrays
 from detpg.types import Policy
 from detpg.workbench.config import Config
 from detpg.workbench.diagnosis import DivergedError, warnings
@@ -222,5 +221,4 @@ class _Recorder:
 
 def write_policy(path: Path, learners: PyTree, best_return: Any) -> None:
     """States of the learners, leaves by number, seeds first."""
-    leaves = {f"leaf{i}": plain(leaf) for i, leaf in enumerate(jax.tree.leaves(learners))}
-    write_arrays(path, {"best_return": np.asarray(best_return), **leaves})
+    write_arrays(path, {"best_return": np.asarray(best_return), **numbered(learners)})

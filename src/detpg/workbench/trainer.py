@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from detpg.runs import RunDirectoryError, plain, read_arrays, typed, write_arrays
+from detpg.runs import RunDirectoryError, numbered, plain, read_arrays, typed, write_arrays
 from detpg.types import Policy, hyper_parameters
 from detpg.workbench.config import Config
 from detpg.workbench.diagnosis import DivergedError
@@ -145,10 +145,8 @@ class Trainer:
 
     def save(self, path: str | Path) -> None:
         """Writes all of it as one `.npz` file: to predict with, or to learn on."""
-        leaves = jax.tree.leaves(self.session.kept)
-        numbered = {f"leaf{i}": plain(leaf) for i, leaf in enumerate(leaves)}
         about = {CONFIG: np.asarray(json.dumps(self.config.as_json())), STEP: self.session.step}
-        write_arrays(_npz(path), {**about, **numbered})
+        write_arrays(_npz(path), {**about, **numbered(self.session.kept)})
 
     @classmethod
     def load(
