@@ -7,11 +7,14 @@ from pathlib import Path
 # thread pool can wait for ever on a batched program where there are two cores. Nearly all of the
 # time would go into compiling: code that is fast is not needed, and no program is compiled twice.
 # XLA's older emitters take a third of the newer ones' time for it (docs/decisions/0040).
-FLAGS = "--xla_cpu_multi_thread_eigen=false --xla_cpu_use_fusion_emitters=false"
-os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {FLAGS}".strip()
-CACHE = Path(__file__).parents[1] / "build" / "test-cache"
+os.environ["XLA_FLAGS"] = (
+    os.environ.get("XLA_FLAGS", "")
+    + " --xla_cpu_multi_thread_eigen=false --xla_cpu_use_fusion_emitters=false"
+).strip()
 os.environ.setdefault("JAX_DISABLE_MOST_OPTIMIZATIONS", "1")
-os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(CACHE / "jax"))
+os.environ.setdefault(
+    "JAX_COMPILATION_CACHE_DIR", str(Path(__file__).parents[1] / "build" / "test-cache" / "jax")
+)
 os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
 
 from collections.abc import Iterator
