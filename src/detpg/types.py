@@ -6,7 +6,7 @@ Axis names used in annotations: `obs act feat points seeds time batch`.
 
 import dataclasses
 import math
-from typing import Any, ClassVar, NamedTuple, Protocol, runtime_checkable
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import equinox as eqx
 import jax
@@ -14,6 +14,8 @@ import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Bool, Float, PRNGKeyArray, PyTree, Shaped
+
+from detpg.bounds import Bounds, meant
 
 Number = Float[Array, ""]
 Width = Float[Array, "..."]  # one number, or one for each action component
@@ -62,39 +64,12 @@ class Transition(eqx.Module):
         return self.terminated | self.truncated
 
 
-class Bounds(NamedTuple):
-    """The box of legal actions, action units (-inf, inf: unbounded); its length is m."""
-
-    low: tuple[float, ...]
-    high: tuple[float, ...]
-
-    @classmethod
-    def unbounded(cls, size: int) -> "Bounds":
-        """Every action is legal."""
-        return cls((-math.inf,) * size, (math.inf,) * size)
-
-    @property
-    def scaled(self) -> "Bounds":
-        """The same box in its own units: [-1, 1] where a component has both bounds."""
-        return Bounds(*zip(*((-1.0, 1.0) if f else end for f, *end in self._components())))
-
-    @property
-    def centre(self) -> tuple[float, ...]:
-        """What 0 means in those units; 0 where a bound is missing."""
-        return tuple((low + high) / 2 if fine else 0.0 for fine, low, high in self._components())
-
-    @property
-    def half_range(self) -> tuple[float, ...]:
-        """What 1 means in those units, from the centre; 1 where a bound is missing."""
-        return tuple((high - low) / 2 if fine else 1.0 for fine, low, high in self._components())
-
-    def _components(self) -> list[tuple[bool, float, float]]:
-        return [(math.isfinite(high - low), low, high) for low, high in zip(*self, strict=True)]
-
-
 @dataclasses.dataclass(frozen=True)
 class EnvironmentSpec:
     """What is static about an environment: sizes, bounds, time limit, discount.
+
+    A bound that nobody can mean, of 1e15 or more, counts as none and becomes infinite
+    (docs/decisions/0034).
 
     Attributes:
         name: Registry name.
@@ -117,6 +92,10 @@ class EnvironmentSpec:
     discount: float
     observation_low: tuple[float, ...] = ()
     observation_high: tuple[float, ...] = ()
+
+    def __post_init__(self):
+        for name in ("action_low", "action_high", "observation_low", "observation_high"):
+            object.__setattr__(self, name, tuple(map(meant, getattr(self, name))))
 
     @property
     def bounds(self) -> Bounds:

@@ -202,6 +202,32 @@ def test_actions_without_scale():
     assert of(findings, "action bounds").found.endswith("ranges from -1e+08 to 1e+08.")
 
 
+class Endless(Point):
+    """Bounds that are the largest numbers there are."""
+
+    action_space = Box(-np.finfo(np.float32).max, np.finfo(np.float32).max, (1,))
+
+    def step(self, action):
+        assert abs(action[0]) < 10
+        return super().step(np.tanh(action))
+
+
+class Roomy(Point):
+    observation_space = Box(-1e4, 1e4, Point.observation_space.shape)
+
+
+def test_bounds_that_cannot_be_meant_are_none():
+    findings = checked(Endless)
+    assert bad(findings) == {"action bounds": "warning"}
+    assert "(those of 1e+15 or more count as none)" in of(findings, "action bounds").advice
+
+
+def test_bounds_that_tiles_cannot_use_are_told():
+    findings = checked(Roomy)
+    assert bad(findings) == {"observation bounds": "warning"}
+    assert of(findings, "observation bounds").found.endswith("but its bounds are -10000 and 10000.")
+
+
 class Clocked(Point):
     """Calls its own time limit a true end."""
 

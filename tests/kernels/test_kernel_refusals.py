@@ -1,5 +1,7 @@
 """What does not fit is refused in one sentence, before a compiled loop reads or writes there."""
 
+import sys
+
 import numpy as np
 import pytest
 
@@ -104,3 +106,10 @@ def test_observations_of_another_shape(shape):
     assert active_features(ROOM, np.zeros((4, 2))).shape == (4, 3)
     sentence = r"The observations have shape \(.*\): give one row of 2 numbers for each"
     refused(sentence, active_features, ROOM, np.zeros(shape))
+
+
+def test_weights_beyond_the_memory(monkeypatch):
+    monkeypatch.setattr(sys.modules["detpg.kernels.run"], "memory", lambda: 20_000)
+    sentence = "The weights of a run take 24,024 bytes, with 1 threads at once, and 20,000 are"
+    given = {"runs": [0], "horizon": 1, "evaluate_at": [1]}
+    refused(sentence, run, "pendulum", "copdac-q", {}, **given)

@@ -26,6 +26,11 @@ COMMON: dict[str, tuple[Any, str]] = {
     "value-units": (int, "Hidden units of a critic that is a network (default: 40)."),
     "tiles": (int, "Tiles along each dimension, of tile-coded parts (default: 8)."),
     "tilings": (int, "Tilings of tile-coded parts (default: 8)."),
+    "hashed": (
+        int,
+        "Weights that the tiles of a part share, such as 65536 where many numbers are observed "
+        "(default: each tile has its own).",
+    ),
     "normalise": (
         Literal["none", "observations", "rewards", "both"],
         "What is brought to a spread of 1 while learning (default: observations).",

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from detpg.bounds import NO_BOUND, meant
 from detpg.types import EnvironmentSpec, Observation
 
 Partition = Literal["big", "small"]
@@ -17,6 +18,7 @@ PARTITIONS: tuple[Partition, ...] = ("big", "small")
 
 # Observations are held this part of a tile inside the outermost tiles, as in RLPark.
 MARGIN = 1e-4
+MEND = "normalise observations, bound them in the world, or give a TileCoding low and high yourself"
 # Multipliers of the hash (odd, from MurmurHash3's finaliser).
 MIX = (0x85EBCA6B, 0xC2B2AE35)
 
@@ -80,10 +82,18 @@ class TileCoding:
             ValueError: An observation without bounds, or attributes that do not fit.
         """
         low, high = spec.observation_low, spec.observation_high
-        if not low or not all(map(math.isfinite, (*low, *high))):
+        if not low:
             raise ValueError(
                 f"The observations of {spec.name!r} have no bounds, so that tiles cannot cover "
-                "them: give low and high yourself."
+                f"them: {MEND}."
+            )
+        open_ends = np.flatnonzero(~np.isfinite([low, high]).all(axis=0))
+        if open_ends.size:
+            k = open_ends[0]
+            raise ValueError(
+                f"Component {k} of the observations of {spec.name!r} ranges from {low[k]:g} to "
+                f"{high[k]:g}, so that tiles cannot cover it (bounds of {NO_BOUND:g} or more count "
+                f"as none): {MEND}."
             )
         grid = (tiles,) * len(low) if isinstance(tiles, int) else tiles
         return cls(low, high, grid, **options)
@@ -185,10 +195,10 @@ def _check(coding: TileCoding) -> None:
             f"low, high and grid have {len(low)}, {len(high)} and {len(grid)} entries: "
             "give one for each dimension of the observation."
         )
-    if not all(-math.inf < a < b < math.inf for a, b in zip(low, high)):
+    if not all(-math.inf < meant(a) < meant(b) < math.inf for a, b in zip(low, high)):
         raise ValueError(
             f"The bounds {low} and {high} cannot be covered by tiles: "
-            "give finite numbers, low < high in every dimension."
+            f"give numbers below {NO_BOUND:g}, low < high in every dimension."
         )
     counts = (*grid, coding.num_tilings)
     if not all(isinstance(n, int | np.integer) and n >= 1 for n in counts):

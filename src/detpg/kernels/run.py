@@ -13,7 +13,7 @@ from detpg.kernels.loop import Plan, Records, World, compiled, replayed
 from detpg.kernels.random import streams
 from detpg.kernels.tasks import TASKS, environment
 from detpg.kernels.tiles import active_of, tables
-from detpg.machine import cores
+from detpg.machine import cores, memory
 from detpg.types import Bounds, EnvironmentSpec
 
 
@@ -93,6 +93,7 @@ def run(
     returns, steps, saturated = (np.full(shape, np.nan) for _ in range(3))
     records = Records(returns, steps, saturated, finite=np.zeros(shape, np.bool_))
     vectors = LEARNERS[learner].num_vectors(spec.action_size)
+    _check_memory(vectors * features.size * np.dtype(dtype).itemsize, threads)
     numbers, tiles = _world(TASKS[task].constants(world), spec, scaled), tables(features)
     plan, words = Plan(horizon, at, episodes), streams(seed, points, runs)
     one_run = compiled(task, learner)
@@ -203,6 +204,17 @@ def _check_experience(experience: Experience, size: int) -> None:
         beyond = arrays[name][(arrays[name] < 0) | (arrays[name] >= size)]
         if beyond.size:
             raise ValueError(f"{name} has the index {beyond[0]}: give 0 to {size - 1}, of size.")
+
+
+def _check_memory(size: int, threads: int) -> None:
+    """Refuses weights that the memory does not hold; each thread has those of its run."""
+    free = memory()
+    if free is not None and threads * size > free:
+        raise ValueError(
+            f"The weights of a run take {size:,} bytes, with {threads} threads at once, and "
+            f"{free:,} are free: give fewer tiles or threads, or a tile coder with memory=65536, "
+            "which hashes."
+        )
 
 
 def _learner(name: str) -> Learner:

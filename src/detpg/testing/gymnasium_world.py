@@ -19,6 +19,7 @@ from detpg.testing.judgements import (
     judge_bounds,
     judge_ends,
     judge_finite,
+    judge_observation_bounds,
     judge_observation_scale,
     judge_reward,
     judge_rewriting,
@@ -125,4 +126,5 @@ def _ours(env: gymnasium.Env, steps: int, seed: int) -> list[Finding]:
     findings += [finite, *judge_space(first), judge_rewriting(first)]
     if finite.level == "fine":
         findings += [*judge_observation_scale(first), judge_reward(first)]
+        findings += judge_observation_bounds(first, worlds.spec)
     return [*findings, judge_ends(first, worlds.time_limit)]

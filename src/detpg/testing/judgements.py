@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from detpg.bounds import NO_BOUND
 from detpg.testing.findings import Finding, fine, problem, warning
 from detpg.testing.played import Play
 from detpg.types import EnvironmentSpec
@@ -9,6 +10,7 @@ from detpg.types import EnvironmentSpec
 # Root mean square of what learns without a normaliser; rewards may be rare, and then small.
 OBSERVATION_SIZES, REWARD_SIZES = (0.1, 10.0), (0.01, 10.0)
 WIDEST = 1e6  # half a range beyond which bounds are no scale
+FILLED = 1e-3  # of its bounds: an observation that fills less stays in one tile
 
 
 def judge_bounds(spec: EnvironmentSpec) -> Finding:
@@ -19,8 +21,9 @@ def judge_bounds(spec: EnvironmentSpec) -> Finding:
         return warning(
             check,
             f"Component {open_ends[0]} of the action has no bound on one side or both.",
-            "Give it finite bounds: without them 1 in a policy's output and in its exploration is "
-            "1 in the world's own unit, and nothing caps it.",
+            f"Give it finite bounds (those of {NO_BOUND:g} or more count as none): without them 1 "
+            "in a policy's output and in its exploration is 1 in the world's own unit, and nothing "
+            "caps it.",
         )
     wide = [k for k, half in enumerate(spec.bounds.half_range) if half > WIDEST]
     if wide:
@@ -128,6 +131,24 @@ def judge_observation_scale(play: Play) -> list[Finding]:
             )
         )
     return findings or [fine(check, f"Components of size {min(sizes):.2g} to {max(sizes):.2g}.")]
+
+
+def judge_observation_bounds(play: Play, spec: EnvironmentSpec) -> list[Finding]:
+    """Whether bounds are so wide that tiles over them would see no difference."""
+    seen, bounds = np.stack(play.observations), (spec.observation_low, spec.observation_high)
+    filled = np.ptp(seen, axis=0)
+    for k, (low, high) in enumerate(zip(*bounds)):
+        if np.isfinite(high - low) and 0 < filled[k] < FILLED * (high - low):
+            return [
+                warning(
+                    "observation bounds",
+                    f"Component {k} of the observation moved by {filled[k]:.2g} in all, but its "
+                    f"bounds are {low:g} and {high:g}.",
+                    "Narrow the bounds to what can be seen, or normalise observations: tiles over "
+                    "these bounds see no difference.",
+                )
+            ]
+    return []
 
 
 def judge_reward(play: Play) -> Finding:

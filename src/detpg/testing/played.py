@@ -9,6 +9,8 @@ import numpy as np
 from gymnasium.spaces import Box
 from gymnasium.spaces.utils import flatten
 
+from detpg.bounds import Bounds
+
 ROUNDING = 1e-6  # of a bound: what an observation may be beyond it
 
 
@@ -67,15 +69,17 @@ def play(
         env: What is played.
         steps: How many.
         seed: Of the first reset; the others go on from it.
-        action_seed: Of the actions, drawn from the action space.
+        action_seed: Of the actions, drawn from the action space; where a bound is none that can be
+            meant, as where there is none.
         actions: What to repeat instead.
     """
     seen = Play()
-    env.action_space.seed(action_seed)
+    space = _drawable(env.action_space)
+    space.seed(action_seed)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # `contains` warns of types; that is said in words
-            _play(env, steps, seed, actions, seen)
+            _play(env, steps, seed, space if actions is None else actions, seen)
     except Exception as error:
         words = " ".join(str(error).split())
         where = f"step {len(seen.actions)}" if seen.actions else "the reset"
@@ -84,14 +88,14 @@ def play(
 
 
 def _play(
-    env: gymnasium.Env, steps: int, seed: int, actions: list[np.ndarray] | None, play: Play
+    env: gymnasium.Env, steps: int, seed: int, actions: Box | list[np.ndarray], play: Play
 ) -> None:
     space, length = env.observation_space, 0
     latest, _ = env.reset(seed=seed)
     _look(space, latest, play)
     for t in range(steps):
         held = latest
-        action = env.action_space.sample() if actions is None else actions[t]
+        action = actions.sample() if isinstance(actions, Box) else actions[t]
         play.actions.append(action.copy())
         latest, reward, terminated, truncated, _ = env.step(action.copy())
         length += 1
@@ -106,6 +110,12 @@ def _play(
             latest, _ = env.reset()
             _watch(space, held, play)
             _look(space, latest, play)
+
+
+def _drawable(space: Any) -> Box:
+    ends = Bounds(tuple(map(float, np.ravel(space.low))), tuple(map(float, np.ravel(space.high))))
+    low, high = (np.reshape(end, space.shape).astype(space.dtype) for end in ends.meant)
+    return Box(low, high, dtype=space.dtype)
 
 
 def _watch(space: gymnasium.Space, held: Any, play: Play) -> None:

@@ -30,6 +30,7 @@ class Config:
         value_units: Hidden units of a critic that is a network.
         tiles: Tiles along each dimension of tile-coded parts.
         tilings: Tilings of tile-coded parts.
+        hashed: Weights that the tiles of each such part share; none: each tile has its own.
         normalise: What is normalised.
         steps: Environment steps of each learner.
         seeds: Learners side by side, each with a seed of its own.
@@ -54,6 +55,7 @@ class Config:
     value_units: int = 40
     tiles: int = 8
     tilings: int = 8
+    hashed: int | None = None
     normalise: Normalise = "observations"
     steps: int = 100_000
     seeds: int = 1
@@ -109,6 +111,8 @@ POSITIVE = (
     "checkpoint_every",
     "keep_checkpoints",
 )
+# May be none; and what the sizes of tile-coded parts are made of.
+OPTIONAL, TILES = ("time_limit", "hashed"), ("tiles", "tilings", "hashed")
 
 
 def _check(config: Config) -> None:
@@ -125,8 +129,14 @@ def _check(config: Config) -> None:
         raise ValueError(f"hidden = {config.hidden} is not usable: give 1 or more for each layer.")
     if not 0 <= config.seed < 2**31:
         raise ValueError(f"seed = {config.seed} is not usable: give 0 to {2**31 - 1}.")
-    if config.time_limit is not None and config.time_limit < 1:
-        raise ValueError(f"time_limit = {config.time_limit} is not usable: give 1 or more.")
+    for name in OPTIONAL:
+        value = getattr(config, name)
+        if value is not None and value < 1:
+            raise ValueError(f"{name} = {value} is not usable: give 1 or more.")
+    sizes = [(name, getattr(config, name) or 1) for name in ("value_units", *TILES)]
+    for name, value in [*sizes, *(("hidden", units) for units in config.hidden)]:
+        if value >= 2**31:
+            raise ValueError(f"{name} = {value} is not usable: give less than 2^31.")
     for name in ("evaluate_every", "checkpoint_every"):
         if getattr(config, name) % config.log_every:
             raise ValueError(
@@ -144,9 +154,9 @@ def _check(config: Config) -> None:
 
 def _check_kinds(config: Config) -> None:
     """Refuses what a file can hold but no setting is."""
-    whole = [(name, getattr(config, name)) for name in (*POSITIVE, "seed", "time_limit")]
+    whole = [(name, getattr(config, name)) for name in (*POSITIVE, *OPTIONAL, "seed")]
     for name, value in [*whole, *(("hidden", units) for units in config.hidden)]:
-        if name == "time_limit" and value is None:
+        if name in OPTIONAL and value is None:
             continue
         if not isinstance(value, int) or isinstance(value, bool):
             raise ValueError(f"{name} = {value!r} is no whole number: give one, such as 1000.")

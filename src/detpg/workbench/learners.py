@@ -17,6 +17,7 @@ from detpg.features.quadratic import QuadraticFeatures
 from detpg.policies import FeaturePolicy, LinearPolicy, MLPPolicy
 from detpg.types import Algorithm, EnvironmentSpec, Features, Policy, hyper_parameters
 from detpg.workbench.config import Config
+from detpg.workbench.sizes import check_size, check_tiles
 from detpg.wrappers import Metered, Normalised
 
 SPREAD = 3.0  # standard deviations that tiles cover, where observations are normalised
@@ -105,7 +106,10 @@ def bare(config: Config, spec: EnvironmentSpec, own: Policy | None) -> Algorithm
         parts["state_value"] = _state_value(config, spec)
     if "features" in needed:
         parts["features"] = _features(config, spec, own)
-    return kind.create(spec, **parts, **config.options)
+    check_size(config, parts)
+    made = kind.create(spec, **parts, **config.options)
+    check_size(config, parts, made)
+    return made
 
 
 def _check_options(kind: type[Algorithm], config: Config) -> None:
@@ -165,8 +169,9 @@ def _features(config: Config, spec: EnvironmentSpec, own: Policy | None) -> Feat
 
 def _tiles(config: Config, spec: EnvironmentSpec) -> TileCoding:
     """Over the bounds of the observation, or what is usual where it is normalised."""
-    grid = (config.tiles,) * spec.observation_size
+    size = spec.observation_size
+    check_tiles(config, size)
+    grid, options = (config.tiles,) * size, {"num_tilings": config.tilings, "memory": config.hashed}
     if config.normalise in ("observations", "both"):
-        ends = (SPREAD,) * spec.observation_size
-        return TileCoding(tuple(-end for end in ends), ends, grid, num_tilings=config.tilings)
-    return TileCoding.for_environment(spec, tiles=grid, num_tilings=config.tilings)
+        return TileCoding((-SPREAD,) * size, (SPREAD,) * size, grid, **options)
+    return TileCoding.for_environment(spec, tiles=grid, **options)

@@ -10,6 +10,8 @@ from gymnasium import spaces
 from gymnasium.spaces.utils import flatdim, flatten, flatten_space
 from gymnasium.vector.utils import iterate
 
+from detpg.bounds import meant
+
 # Of the largest bound, and four last bits of float32: what may be cut off an action unsaid.
 SLACK = 4 * float(np.finfo(np.float32).eps)
 FITTING_ACTION = "give a Box of floats, such as Box(-1.0, 1.0, (2,))"
@@ -135,7 +137,7 @@ class FlatActions:
 
 
 def _numbers(values: Any) -> tuple[float, ...]:
-    return tuple(float(value) for value in np.ravel(values))
+    return tuple(meant(float(value)) for value in np.ravel(values))
 
 
 def _continuous(space: gymnasium.Space) -> spaces.Box:
@@ -185,6 +187,5 @@ def _is_vector(space: gymnasium.Space) -> bool:
 def _bounds(space: gymnasium.Space) -> tuple[tuple[float, ...], tuple[float, ...]]:
     flat = flatten_space(space)
     assert isinstance(flat, spaces.Box)
-    if not np.any(np.isfinite(flat.low) | np.isfinite(flat.high)):
-        return (), ()
-    return _numbers(flat.low), _numbers(flat.high)
+    low, high = _numbers(flat.low), _numbers(flat.high)
+    return (low, high) if any(map(math.isfinite, (*low, *high))) else ((), ())
