@@ -27,6 +27,7 @@ against the exact gradient.
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from detpg.integrations.registration import register_when_imported
 from detpg.version import __version__ as __version__
 
 if TYPE_CHECKING:
@@ -60,6 +61,8 @@ _HOMES = {
     "greedy_return": "detpg.evaluation",
     "train": "detpg.training",
 }
+
+register_when_imported()
 
 
 def __getattr__(name: str) -> Any:

@@ -108,6 +108,7 @@ def test_the_onnx_model(tmp_path):
     ]
     assert shapes == [["N", 3], ["N", 2]]
     assert [(o.domain, o.version) for o in model.opset_import] == [("", 18)]
+    assert model.ir_version == 8  # the least of opset 18; `exported` has run it in onnxruntime
     assert not any(onnx.external_data_helper.uses_external_data(t) for t in model.graph.initializer)
     told = {entry.key: entry.value for entry in model.metadata_props}
     assert told["environment"] == "world"

@@ -2,7 +2,10 @@
 
 import subprocess
 import sys
+import tomllib
 import warnings
+from importlib.metadata import EntryPoint
+from pathlib import Path
 
 import gymnasium
 import jax
@@ -15,6 +18,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 from detpg.environments import ENVIRONMENTS, LQR, MountainCar, OctopusArm, ScaledActions
 from detpg.figures.frames import FRAMES
+from detpg.integrations import registration
 from detpg.integrations.gymnasium import GymnasiumEnv, GymnasiumVectorEnv, single, vector
 from detpg.integrations.gymnasium.parts import PICTURED
 
@@ -287,12 +291,40 @@ def test_pictures_of_a_batch():
 
 
 def test_only_what_is_used_is_imported():
+    """Whichever of the two is imported first, its ids are known, and JAX is not needed for that."""
     code = """
-import sys, detpg
-assert not {"jax", "gymnasium"} & set(sys.modules)
-import gymnasium
-world = gymnasium.make("detpg.integrations.gymnasium:detpg/Pendulum-v0")
-world.reset()
+import importlib.util, sys, detpg
+assert not {"jax", "gymnasium", "numpy"} & set(sys.modules)
+assert importlib.util.find_spec("gymnasium") is not None  # looking for it is not importing it
+import gymnasium, warnings
+warnings.simplefilter("error")
+ids = sorted(id for id in gymnasium.registry if id.startswith("detpg/"))
+print(*ids)
+for id in ids:
+    del gymnasium.registry[id]
+assert "jax" not in sys.modules
+del sys.modules["detpg"]
+gymnasium.make("detpg:detpg/Pendulum-v0").reset()
+assert ids == sorted(id for id in gymnasium.registry if id.startswith("detpg/"))
+gymnasium.make_vec("detpg/LQR-v0", num_envs=2).close()
 sys.exit("matplotlib" in sys.modules)
 """
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.split() == sorted(ids())
+
+
+def test_registering_again_changes_nothing():
+    """A warning would be an error here."""
+    kinds = {name: environment.__name__ for name, environment in ENVIRONMENTS.items()}
+    assert kinds == registration.CLASSES
+    before = dict(gymnasium.registry)
+    registration.register()
+    assert gymnasium.registry == before
+
+
+def test_the_entry_point_of_older_versions_is_declared():
+    """Under the key, which they put before each name."""
+    project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
+    declared = EntryPoint("detpg", project["entry-points"]["gymnasium.envs"]["detpg"], "")
+    assert declared.load() is registration.register

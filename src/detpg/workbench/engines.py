@@ -3,14 +3,13 @@
 from typing import Any
 
 from detpg.environments import ENVIRONMENTS
+from detpg.integrations.registration import IDS
 from detpg.types import Environment
 from detpg.workbench.compiled import Compiled, named
 from detpg.workbench.config import Config
 from detpg.workbench.hosted import Hosted
 from detpg.workbench.own import check_imported
 from detpg.workbench.session import Engine
-
-OURS = {f"detpg/{kind.__name__}-v0": name for name, kind in ENVIRONMENTS.items()}
 
 
 def engine_of(config: Config, world: Any = None) -> Engine:
@@ -41,7 +40,7 @@ def _world(config: Config, world: Any) -> Compiled | Hosted:
 
 def own_world(config: Config) -> Environment | None:
     """The environment of the registry that a configuration names; None: it names another one."""
-    name = OURS.get(str(config.environment), config.environment)
+    name = IDS.get(str(config.environment), config.environment)
     return named(config, name) if name in ENVIRONMENTS else None
 
 

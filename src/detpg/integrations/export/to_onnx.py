@@ -38,6 +38,8 @@ def to_onnx(controller: Controller, about: dict[str, Any]) -> bytes:
     try:
         with _quiet():
             model = _converted(controller, size)
+            # The newest would keep readers away that know all of the operations.
+            model.ir_version = onnx.helper.find_min_ir_version_for(model.opset_import)
             onnx.checker.check_model(model, full_check=True)
     except Exception as error:  # a converter fails in many ways, each with a class of its own
         first = (str(error).strip().splitlines() or ["no message"])[0]
