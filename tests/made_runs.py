@@ -12,6 +12,7 @@ import pyarrow as pa
 from detpg.environments import ENVIRONMENTS
 
 CONFIG = {"detpg": "0.1.0", "algorithm": "copdac-q", "environment": "Pendulum-v1", "seed": 0}
+CONFIG |= {"policy": "auto"}
 METRICS = ("rollout/ep_rew_mean", "train/td_error")
 
 

@@ -39,7 +39,10 @@ def test_a_run_does_not_import_what_it_names(own, capsys):
             main(command)
         assert ended.value.code == 2
         said = capsys.readouterr().err
-        assert "name it again with --own-environment swinging:Swing-v0." in said
+        assert (
+            "name it again with --own-environment swinging:Swing-v0, or in Python import swinging first."
+            in said
+        )
         assert not (own / "imported").exists()
         main([*command, "--own-environment", "swinging:Swing-v0"])
         assert (own / "imported").exists()

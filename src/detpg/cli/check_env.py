@@ -1,12 +1,12 @@
 """`detpg check-env`: what stands in the way of learning in an environment."""
 
 import dataclasses
-import json
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
 from detpg.cli.errors import UserError
+from detpg.cli.json_output import print_json
 
 if TYPE_CHECKING:
     from detpg.testing import Finding
@@ -87,7 +87,7 @@ def _conformance(name: str) -> "list[Finding]":
 
 def _print_json(environment: str, findings: "list[Finding]") -> None:
     found = [dataclasses.asdict(finding) for finding in findings]
-    print(json.dumps({"environment": environment, "findings": found}, indent=2))
+    print_json({"environment": environment, "findings": found})
 
 
 def _print_table(environment: str, findings: "list[Finding]") -> None:

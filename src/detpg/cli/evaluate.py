@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import tyro
 
 from detpg.cli.errors import UserError
+from detpg.cli.json_output import print_json
 from detpg.cli.opened import OwnEnvironment, OwnPolicy, opened, told
 
 if TYPE_CHECKING:
@@ -77,8 +78,6 @@ class Evaluate:
             self._print_tables(run.config, summary, rows, by_seed)
 
     def _print_json(self, config: "Config", summary: "Summary", rows: list[dict[str, Any]]) -> None:
-        import json
-
         found = {
             "run": str(self.path),
             "algorithm": config.algorithm,
@@ -92,7 +91,7 @@ class Evaluate:
             "not_finite": summary.num_lost,
             "episodes": [{**row, "return": _finite(row["return"])} for row in rows],
         }
-        print(json.dumps(found, indent=2, allow_nan=False))
+        print_json(found)
 
     def _print_tables(
         self,

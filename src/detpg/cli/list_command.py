@@ -1,8 +1,9 @@
 """`detpg list`: what there is."""
 
 import dataclasses
-import json
 from typing import Any
+
+from detpg.cli.json_output import print_json
 
 
 @dataclasses.dataclass(frozen=True)
@@ -16,7 +17,7 @@ class List:
         """Prints the registries."""
         found = contents()
         if self.json:
-            print(json.dumps(found, indent=2))
+            print_json(found)
         else:
             _print_tables(found)
 

@@ -1,5 +1,6 @@
 """Entry point: parses the words, runs the command, turns what users can mend into one sentence."""
 
+import contextlib
 import functools
 import os
 import sys
@@ -14,6 +15,7 @@ from detpg.cli.check_env import CheckEnv
 from detpg.cli.errors import UserError
 from detpg.cli.evaluate import Evaluate
 from detpg.cli.export import Export
+from detpg.cli.json_output import json_alone
 from detpg.cli.list_command import List
 from detpg.cli.plot import Plot
 from detpg.cli.render import Render
@@ -36,6 +38,8 @@ Command: Any = (
     | Annotated[List, tyro.conf.subcommand("list")]
 )
 
+CONTINUE = ("train", "resume", "reproduce")  # go on where they stood
+
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Runs the command line; never returns normally on an error.
@@ -56,12 +60,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
         config=(tyro.conf.OmitArgPrefixes, tyro.conf.FlagCreatePairsOff),
     )
     try:
-        command.run()
+        asked = getattr(command, "json", False)
+        with json_alone(for_good=arguments is None) if asked else contextlib.nullcontext():
+            command.run()
     except UserError as error:
         print(f"detpg: {error}", file=sys.stderr)
         raise SystemExit(2) from None
     except KeyboardInterrupt:
-        print("detpg: stopped; run the same command again to continue.", file=sys.stderr)
+        again = "; run the same command again to continue" if words[0] in CONTINUE else ""
+        print(f"detpg: stopped{again}.", file=sys.stderr)
         raise SystemExit(130) from None
 
 

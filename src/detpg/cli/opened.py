@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import tyro
 
+from detpg.cli import hints
 from detpg.cli.errors import UserError
 
 POLICIES = ("best", "last")
@@ -41,7 +42,7 @@ def opened(path: Path, policy: str, own: str | None = None, environment: str | N
     if not (path / f"{policy}.npz").is_file():
         raise UserError(
             f"{path} has no {policy} policy yet: wait for its first evaluation, or continue it "
-            f"with `detpg resume {path}`."
+            f"with `{hints.resume(path, run.config, own)}`."
         )
     return run
 

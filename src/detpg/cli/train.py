@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
+from detpg.cli import hints
 from detpg.cli.errors import UserError
 from detpg.cli.opened import OwnEnvironment, OwnPolicy
 
@@ -97,6 +98,12 @@ def _train(command: Any) -> None:
             f"{command.config} names a policy of your own, {own}: name it again with --policy; "
             "code is never loaded because a file says so."
         )
+    if command.environment is None and ":" in str(config.environment):
+        again = hints.typed("train", config.algorithm, config.environment)
+        raise UserError(
+            f"{command.config} names an environment of your own, {config.environment}: name it "
+            f"again, {again} ...; code is never loaded because a file says so."
+        )
     _go(config, path, own, command.environment)
 
 
@@ -180,14 +187,12 @@ def _go(config: "Config", path: Path, own: str | None, environment: str | None) 
             ended = train_in(path, config, own=own, **told)
     except (RunDirectoryError, DivergedError, ValueError) as error:
         raise UserError(str(error)) from error
-    words = "" if own is None else f" --own-policy {own}"
     if not ended.finished:
-        print(f"stopped at step {ended.step:,}; continue with: detpg resume {path}{words}")
+        print(f"stopped at step {ended.step:,}; continue with: {hints.resume(path, config, own)}")
         raise SystemExit(130)
     print(f"done: {ended.step:,} steps in {path}")
-    print(f"  look    detpg plot {path}")
-    print(f"  judge   detpg evaluate {path}{words}")
-    print(f"  use     detpg export {path} --format onnx{words}")
+    for aim, command in hints.after(path, config, own).items():
+        print(f"  {aim:<7} {command}")
 
 
 class _Stop:

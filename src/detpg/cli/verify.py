@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from detpg.cli.errors import UserError
+from detpg.cli.json_output import print_json
 
 if TYPE_CHECKING:
     from detpg.theorems import Group
@@ -43,9 +44,7 @@ class Verify:
 
         groups = verify(_say_nothing if self.json else _say_what_runs)
         if self.json:
-            import json
-
-            print(json.dumps(as_json(groups), indent=2, allow_nan=False))
+            print_json(as_json(groups))
         else:
             _print_tables(groups)
         if self.output is not None:

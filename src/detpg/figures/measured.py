@@ -60,7 +60,7 @@ def read(path: Path, metric: str) -> Curve:
         ValueError: Not a run, no such metric, or nothing measured yet.
     """
     config = _config(path)
-    rows = _evaluations(path, metric) if metric in EVALUATED else _metrics(path, metric)
+    rows = _evaluations(path, config, metric) if metric in EVALUATED else _metrics(path, metric)
     wide = rows.pivot(on="seed", index="step", values="value", sort_columns=True).sort("step")
     # Where a seed has nothing yet, no statistic over seeds can be formed.
     wide = wide.drop_nulls()
@@ -97,9 +97,14 @@ def _table(path: Path, name: str) -> pl.DataFrame | None:
     return table if table.height else None
 
 
-def _evaluations(path: Path, metric: str) -> pl.DataFrame:
+def _evaluations(path: Path, config: dict[str, Any], metric: str) -> pl.DataFrame:
     table = _table(path, "evaluations.parquet")
     if table is None:
+        if config.get("run", {}).get("environment", "") is None:
+            raise ValueError(
+                f"{path} has logged data alone and no {metric}: plot what training measured, such "
+                "as --metric train/td_error."
+            )
         raise ValueError(f"{path} has not been evaluated yet: wait for its first evaluation.")
     value = pl.col(metric).cast(pl.Float64).mean().alias("value")
     return table.group_by(*_INDEX).agg(value)

@@ -117,7 +117,8 @@ class OpenedRun:
         """
         if self.config.environment is None:
             raise RunDirectoryError(
-                f"{self.path} was trained on logged data alone, and there is no world to play in."
+                f"{self.path} was trained on logged data alone, and there is no world to play in: "
+                "train with the name of one beside the data."
             )
         # The data are not needed any more, and may be elsewhere.
         engine = engine_of(dataclasses.replace(self.config, data=None), self._own)

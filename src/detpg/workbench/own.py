@@ -76,7 +76,8 @@ def check_imported(environment: str | None) -> None:
     if colon and module not in sys.modules:
         raise ValueError(
             f"The environment {environment} would run the module {module}, but code is never "
-            f"loaded because a file names it: name it again with --own-environment {environment}."
+            f"loaded because a file names it: name it again with --own-environment {environment}, "
+            f"or in Python import {module} first."
         )
 
 

@@ -10,6 +10,6 @@ from detpg.integrations.export.files import export
 from detpg.integrations.export.loaded import Loaded
 from detpg.integrations.export.parity import Parity, parity
 from detpg.integrations.export.to_jax import load_jax
-from detpg.integrations.export.to_onnx import load_onnx
+from detpg.integrations.export.to_onnx import has_onnx, load_onnx
 
-__all__ = ["Loaded", "Parity", "export", "load_jax", "load_json", "load_onnx", "parity"]
+__all__ = ["Loaded", "Parity", "export", "has_onnx", "load_jax", "load_json", "load_onnx", "parity"]

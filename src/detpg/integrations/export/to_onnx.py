@@ -131,7 +131,12 @@ def _value(name: str, text: str) -> Any:
     return text if name in (ABOUT, "algorithm", "environment") else json.loads(text)
 
 
+def has_onnx() -> bool:
+    """Whether the extra's packages are installed."""
+    return all(importlib.util.find_spec(name) is not None for name in NEEDED)
+
+
 def check_extra() -> None:
     """Refuses, in one sentence, to go on without the extra's packages."""
-    if any(importlib.util.find_spec(name) is None for name in NEEDED):
+    if not has_onnx():
         raise ImportError("ONNX export needs the extra: pip install 'detpg[onnx]'.")
