@@ -70,9 +70,10 @@ def named(lines: list[str]) -> dict[str, list[str]]:
 def test_what_is_one_s_own_is_named_again(capsys, monkeypatch):
     """First as it is stopped, then as it ends; in a new process nothing of it is imported."""
     flags = ("--policy", "my policies/it's.py:hill", "--output", "my runs/$1")
-    with monkeypatch.context() as patch, pytest.raises(SystemExit) as ended:
+    with monkeypatch.context() as patch:
         patch.setattr(train._Stop, "asked", lambda stop: True)
-        main(["train", "opdac", "hills:Hill-v0", *SMALL, *flags])
+        with pytest.raises(SystemExit) as ended:
+            main(["train", "opdac", "hills:Hill-v0", *SMALL, *flags])
     assert ended.value.code == 130
     (stopped,) = capsys.readouterr().out.splitlines()
     assert stopped == (
@@ -135,8 +136,8 @@ def test_an_environment_that_a_file_names_is_typed_again(capsys):
         main(["train", "opdac", "--config", "settings.toml"])
     assert ended.value.code == 2
     assert capsys.readouterr().err == (
-        "detpg: settings.toml names an environment of your own, hills:Hill-v0: name it again, detpg "
-        "train opdac hills:Hill-v0 ...; code is never loaded because a file says so.\n"
+        "detpg: settings.toml names an environment of your own, hills:Hill-v0: name it again, "
+        "detpg train opdac hills:Hill-v0 ...; code is never loaded because a file says so.\n"
     )
     assert "hills" not in sys.modules
 

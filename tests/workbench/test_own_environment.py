@@ -39,10 +39,8 @@ def test_a_run_does_not_import_what_it_names(own, capsys):
             main(command)
         assert ended.value.code == 2
         said = capsys.readouterr().err
-        assert (
-            "name it again with --own-environment swinging:Swing-v0, or in Python import swinging first."
-            in said
-        )
+        again = "name it again with --own-environment swinging:Swing-v0, or in Python import"
+        assert f"{again} swinging first." in said
         assert not (own / "imported").exists()
         main([*command, "--own-environment", "swinging:Swing-v0"])
         assert (own / "imported").exists()
