@@ -75,8 +75,9 @@ def test_an_episode_column_marks_ends_that_the_flags_do_not(path):
     data = read(table(path, terminated=no, truncated=None, episode=label), BOX)
     assert data.observation[:, 0].tolist() == [0, 2, 10]
     assert data.episode.tolist() == [0, 1, 1]
+    whole = [[1.0], [7.0], [10.0], [11.0], [12.0]]
     data = read(
-        table(path, terminated=no, truncated=None, episode=label, next_observation=NEXT), BOX
+        table(path, terminated=no, truncated=None, episode=label, next_observation=whole), BOX
     )
     assert data.episode.tolist() == [0, 0, 1, 1, 1]
     assert data.truncated.tolist() == [False, True, False, False, True]

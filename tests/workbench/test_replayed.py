@@ -25,15 +25,16 @@ BOX = Bounds((-2.0,), (2.0,))
 
 
 def written(path, bounds):
-    """Transitions with the sizes of the regulator."""
-    drawn = np.random.default_rng(0)
+    """Unrelated transitions with the sizes of the regulator."""
+    drawn, terminated = np.random.default_rng(0), np.arange(ROWS) % 5 == 4
     write(
         path,
         observation=drawn.normal(size=(ROWS, 2)),
         action=drawn.uniform(-2.0, 2.0, size=(ROWS, 1)),
         reward=drawn.normal(size=ROWS),
         next_observation=drawn.normal(size=(ROWS, 2)),
-        terminated=np.arange(ROWS) % 5 == 4,
+        terminated=terminated,
+        truncated=~terminated,
         bounds=bounds,
     )
     return str(path)

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from detpg.integrations.logged.parts import Part, checked
+from detpg.integrations.logged.ordering import in_order
+from detpg.integrations.logged.parts import Part, checked, ends
 from detpg.replaying import Logged
 from detpg.types import Bounds
 
@@ -25,37 +26,31 @@ def assembled(name: str, parts: Sequence[Part], bounds: Bounds | None) -> Logged
     Raises:
         ValueError: Says what is wrong with the data, where, and how to mend it.
     """
-    parts = [checked(part) for part in parts if len(part.reward)]
+    parts = [part for part in parts if len(part.reward)]
     if not parts:
         raise ValueError(f"{name} holds no rows: record some steps first.")
+    for i, part in enumerate(parts):  # a loop, not a list: what warns counts frames
+        parts[i] = in_order(checked(part))
     _check_sizes(parts)
-    bounds = _seen(parts) if bounds is None else bounds
+    bounds = (_seen(parts) if bounds is None else bounds).meant
     for part in parts:
         check_inside(part, bounds)
     columns, first = [], 0
     for part in parts:
         columns.append(_transitions(part, first))
-        first += int(_ends(part).sum())
+        first += int(ends(part).sum())
     observation, action, *others = (np.concatenate(column) for column in zip(*columns))
     if not len(observation):
         raise ValueError(
             f"{name} has no next_observation, and no row is followed by another of its episode: "
-            "add the column, or mark the ends of episodes in terminated and truncated alone."
+            "add the column; or, if rows of several episodes take turns, give each a label in the "
+            "column episode and sort the rows by it and then by time."
         )
     reward, following, terminated, truncated, episode = others
     centre, half = (np.asarray(x, np.float32) for x in (bounds.centre, bounds.half_range))
     action = (action - centre) / half
-    ends = terminated, truncated
-    return Logged(observation, action, reward, following, *ends, episode, bounds)
-
-
-def _ends(part: Part) -> np.ndarray:
-    """Whether an episode ends with this row: it is said, or the data break off."""
-    ends = part.terminated | part.truncated
-    ends[-1] = True
-    if part.episode is not None:
-        ends[:-1] |= part.episode[1:] != part.episode[:-1]
-    return ends
+    flags = terminated, truncated
+    return Logged(observation, action, reward, following, *flags, episode, bounds)
 
 
 def _transitions(part: Part, first: int) -> tuple[np.ndarray, ...]:
@@ -64,14 +59,14 @@ def _transitions(part: Part, first: int) -> tuple[np.ndarray, ...]:
     Without next observations the last row of a cut episode has none, and is dropped; that of a
     terminated one needs none, and has its own observation in the place.
     """
-    ends, terminated = _ends(part), part.terminated
-    episode = (first + np.cumsum(ends) - ends).astype(np.int32)
+    over, terminated = ends(part), part.terminated
+    episode = (first + np.cumsum(over) - over).astype(np.int32)
     if part.next_observation is None:
         following = np.roll(part.observation, -1, axis=0)
         following = np.where(terminated[:, None], part.observation, following)
-        kept = terminated | ~ends
+        kept = terminated | ~over
     else:
-        following, kept = part.next_observation, np.ones_like(ends)
+        following, kept = part.next_observation, np.ones_like(over)
     columns = (part.observation, part.action, part.reward, following, terminated)
     columns = [column[kept] for column in columns]
     truncated = part.truncated[kept]

@@ -2,7 +2,6 @@
 
 import json
 import math
-import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -10,7 +9,9 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from detpg.integrations.logged.parts import Part
+from detpg.integrations.logged import names
+from detpg.integrations.logged.clocks import clocks
+from detpg.integrations.logged.parts import Part, ends
 from detpg.types import Bounds
 
 # In the schema's metadata: {"action_low": [...], "action_high": [...]}, null where unbounded.
@@ -67,22 +68,41 @@ def _bounds(file: Path, schema: pa.Schema) -> Bounds | None:
 
 
 def _part(file: Path, table: pa.Table) -> Part:
-    names = table.column_names
+    present = table.column_names
+    names.check(file, present)
     optional = {
         name: read(file, table, name)
         for name, read in (("next_observation", _vectors), ("episode", _labels))
-        if name in names or f"{name}_0" in names
+        if name in present or names.numbered(present, name)
     }
     none = np.zeros(len(table), bool)
-    return Part(
+    part = Part(
         row=lambda i: f"row {i} of {file}",
         observation=_vectors(file, table, "observation"),
         action=_vectors(file, table, "action"),
         reward=_numbers(file, "reward", _column(file, table, "reward")),
         terminated=_flags(file, table, "terminated"),
-        truncated=_flags(file, table, "truncated") if "truncated" in names else none,
+        truncated=_flags(file, table, "truncated") if "truncated" in present else none,
+        clocks=clocks(file, table),
         **optional,
     )
+    if not optional:
+        _check_groups(file, table, ends(part))
+    return part
+
+
+def _check_groups(file: Path, table: pa.Table, over: np.ndarray) -> None:
+    """Refuses a column that tells episodes apart which nothing that is read does."""
+    for name in filter(names.is_group, table.column_names):
+        label = table.column(name).to_numpy()
+        changes = (label[1:] != label[:-1]) & (label[1:] == label[1:]) & ~over[:-1]
+        if changes.any():
+            i = int(np.argmax(changes))
+            raise ValueError(
+                f"{name} goes from {label[i]} to {label[i + 1]} in row {i + 1} of {file}, where no "
+                "episode ends: name it episode and sort the rows by it and then by time, or leave "
+                "it out if the row is the next step all the same."
+            )
 
 
 def _column(file: Path, table: pa.Table, name: str) -> pa.Array:
@@ -107,7 +127,7 @@ def _column(file: Path, table: pa.Table, name: str) -> pa.Array:
 
 def _vectors(file: Path, table: pa.Table, name: str) -> np.ndarray:
     """A column of lists, columns `name_0`, `name_1`, ..., or one number in each row."""
-    if name not in table.column_names and f"{name}_0" in table.column_names:
+    if name not in table.column_names and names.numbered(table.column_names, name):
         columns = [(one, _column(file, table, one)) for one in _numbered(file, table, name)]
         return np.stack([_numbers(file, *column) for column in columns], axis=1)
     column = _column(file, table, name)
@@ -124,7 +144,7 @@ def _vectors(file: Path, table: pa.Table, name: str) -> np.ndarray:
 
 def _numbered(file: Path, table: pa.Table, name: str) -> list[str]:
     """The columns of the components, in their order."""
-    found = {one for one in table.column_names if re.fullmatch(rf"{name}_\d+", one)}
+    found = set(names.numbered(table.column_names, name))
     expected = [f"{name}_{i}" for i in range(len(found))]
     missing = [one for one in expected if one not in found]
     if missing:
@@ -172,4 +192,9 @@ def _flags(file: Path, table: pa.Table, name: str) -> np.ndarray:
 
 
 def _labels(file: Path, table: pa.Table, name: str) -> np.ndarray:
-    return _column(file, table, name).to_numpy(zero_copy_only=False)
+    column = _column(file, table, name)
+    if pa.types.is_nested(column.type):
+        raise ValueError(
+            f"{name} in {file} is of type {column.type}: give one number or text in each row."
+        )
+    return column.to_numpy(zero_copy_only=False)

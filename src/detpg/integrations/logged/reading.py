@@ -1,5 +1,6 @@
 """Where the data lie: a Parquet file, a folder, a Minari data set by its folder or name."""
 
+import re
 import warnings
 from pathlib import Path
 
@@ -26,7 +27,7 @@ def read(path: str | Path, bounds: Bounds | None = None) -> Logged:
         ValueError: Says what is wrong with the data, where, and how to mend it.
     """
     parts, said = _parts(path)
-    if bounds is not None and said is not None and _single(bounds) != _single(said):
+    if bounds is not None and said is not None and _single(bounds.meant) != _single(said.meant):
         warnings.warn(
             f"{path} says that actions lie between {text(said.low)} and {text(said.high)}, but "
             f"{text(bounds.low)} and {text(bounds.high)} are taken: log actions in the world's own "
@@ -52,10 +53,16 @@ def _parts(path: str | Path) -> tuple[list[Part], Bounds | None]:
         from detpg.integrations.logged import minari
 
         return minari.parts(str(path))
-    files = sorted(file for file in place.rglob("*.parquet") if not file.name.startswith("."))
+    files = [file for file in place.rglob("*.parquet") if not file.name.startswith(".")]
     if not files:
         raise ValueError(
             f"{path} holds no Parquet file and is no Minari data set: give a file *.parquet, a "
             "folder with such files, or a data set's name or folder."
         )
-    return parquet.parts(files)
+    return parquet.parts(sorted(files, key=_natural))
+
+
+def _natural(file: Path) -> list[tuple[int, str]]:
+    """Names in their order, `part-2` before `part-10`."""
+    pieces = re.findall(r"\d+|\D+", str(file))
+    return [(int(piece) if piece.isdigit() else -1, piece) for piece in pieces]

@@ -8,6 +8,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from detpg.integrations.logged.assembling import check_inside
+from detpg.integrations.logged.ordering import check_labels
 from detpg.integrations.logged.parquet import metadata
 from detpg.integrations.logged.parts import Part, checked
 from detpg.runs.directory import write_atomically
@@ -36,7 +37,7 @@ def write(
         terminated: Whether s' is terminal, shape (N,).
         truncated: Whether the episode was cut after this step; nowhere, when not given.
         next_observation: s' before any reset; when not given, `read` takes that of the next row.
-        episode: A label that changes with the episode, where the flags do not tell.
+        episode: A label of its own for each episode, where the flags do not tell.
         bounds: The box of legal actions.
 
     Raises:
@@ -46,7 +47,6 @@ def write(
     if path.suffix != ".parquet":
         raise ValueError(f"{path} does not end in .parquet: give such a name, so that it is found.")
     ended = np.asarray(terminated, bool)
-    given = {"next_observation": next_observation, "episode": episode}
     part = checked(
         Part(
             row=lambda i: f"row {i}",
@@ -55,11 +55,14 @@ def write(
             reward=np.asarray(reward, float),
             terminated=ended,
             truncated=np.zeros_like(ended) if truncated is None else np.asarray(truncated, bool),
-            **{name: np.asarray(x) for name, x in given.items() if x is not None},
+            next_observation=None if next_observation is None else np.asarray(next_observation),
+            episode=None if episode is None else np.asarray(episode),
         )
     )
     if bounds is not None:
         check_inside(part, bounds)
+    if next_observation is None:
+        check_labels(part)
     columns = {name: x for name, x in part._asdict().items() if isinstance(x, np.ndarray)}
     table = pa.table({name: _column(x) for name, x in columns.items()})
     if bounds is not None:
