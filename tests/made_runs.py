@@ -74,4 +74,5 @@ class FakeRun:
         if self.config.environment == "Blind-v0":
             raise ValueError("Blind-v0 has no picture:\n  it knows no rgb_array.")
         shades = np.arange(min(max_steps, 5) + 1, dtype=np.uint8)
-        return [np.full((41, 61, 3), 20 * shade, np.uint8) for shade in shades]
+        frames = [np.full((41, 61, 3), 20 * shade, np.uint8) for shade in shades]
+        return SimpleNamespace(frames=frames, rate=12.5)

@@ -2,11 +2,15 @@
 
 from pathlib import Path
 
+import gymnasium
 import numpy as np
 import pytest
+from gymnasium.envs.registration import EnvSpec
 from PIL import Image, ImageSequence
 
 from detpg.cli import main
+from detpg.workbench import Config, OpenedRun
+from films import read_mp4
 from made_runs import FakeRun, write_run
 
 KEPT = Path(__file__).parents[2] / "results" / "figure3" / "policy.npz"
@@ -141,10 +145,84 @@ def test_a_run_is_filmed_by_its_world(opened, capsys: pytest.CaptureFixture[str]
     main(["render", "run", "--index", "2", "--seed", "4", "--steps", "3"])
     assert run.asked == {"which": "best", "index": 2, "seed": 4, "max_steps": 3}
     assert capsys.readouterr().out == "written to run.mp4: 3 steps\n"
-    assert Path("run.mp4").read_bytes()[4:8] == b"ftyp"  # 41 by 61 pixels were handed over
+    pictures, fps = read_mp4(Path("run.mp4"))
+    assert (len(pictures), pictures[0].shape, fps) == (4, (42, 62, 3), 12.5)  # 41 by 61 before
+    np.testing.assert_allclose(pictures[-1], 60, atol=3)
     main(["render", "run/", "--policy", "last", "--output", "end.png"])
     assert run.asked == {"which": "last", "index": None, "seed": 0, "max_steps": 1000}
     assert np.all(frames(Path("end.png"))[0] == 100)
+
+
+class Drawing(gymnasium.Env):
+    """Floats in 0 to 1 with an opacity, of an odd size: darker step by step."""
+
+    metadata = {"render_modes": ["rgb_array"], "render_fps": 12.5}  # noqa: RUF012
+    observation_space = action_space = gymnasium.spaces.Box(-1.0, 1.0, (1,))
+
+    def __init__(self, render_mode=None):
+        self.render_mode = render_mode
+
+    def reset(self, *, seed=None, options=None):
+        self.steps = 0
+        return np.zeros(1, np.float32), {}
+
+    def step(self, action):
+        self.steps += 1
+        return np.zeros(1, np.float32), 0.0, False, False, {}
+
+    def render(self):
+        return np.full((31, 45, 4), [1 - self.steps / 5, 0.5, 0.5, 1.0])
+
+
+class Typing(Drawing):
+    def render(self):
+        return "a picture" if self.steps else super().render()
+
+
+@pytest.fixture
+def run_in(opened, monkeypatch: pytest.MonkeyPatch):
+    """Puts a run in a world where the command finds it, with a policy that does nothing."""
+
+    def put(world):
+        opened()
+        monkeypatch.setitem(gymnasium.registry, "Drawing-v0", EnvSpec("Drawing-v0", world))
+        run = OpenedRun.__new__(OpenedRun)
+        run.path, run._own = Path("run"), None
+        run.config = Config("opdac", "Drawing-v0", time_limit=9)
+        monkeypatch.setattr(run, "controller", lambda *_: lambda seen: seen * 0, raising=False)
+        monkeypatch.setattr("detpg.workbench.open_run", lambda path, own: run, raising=False)
+
+    return put
+
+
+@pytest.mark.parametrize("kind", ["mp4", "gif", "png"])
+def test_what_a_world_draws_is_in_the_film(kind, run_in):
+    run_in(Drawing)
+    path = Path(f"film.{kind}")
+    main(["render", "run", "--steps", "3", "--output", str(path)])
+    pictures, pace = read_mp4(path) if kind == "mp4" else (frames(path), 12.5)
+    assert len(pictures) == (1 if kind == "png" else 4)
+    assert pictures[0].shape == ((32, 46, 3) if kind == "mp4" else (31, 45, 3))
+    assert pace == 12.5
+    assert kind != "gif" or seconds(path) == pytest.approx(4 / 12.5)
+    for step, picture in zip([3] if kind == "png" else range(4), pictures, strict=True):
+        np.testing.assert_allclose(picture[5, 5], [255 - 51 * step, 128, 128], atol=4)
+
+
+@pytest.mark.parametrize("kind", ["mp4", "gif", "png"])
+def test_what_is_no_picture_is_written_nowhere(kind, run_in, capsys):
+    run_in(Typing)
+    Path(f"film.{kind}").write_bytes(b"before")
+    with pytest.raises(SystemExit) as ended:
+        main(["render", "run", "--steps", "3", "--output", f"film.{kind}"])
+    assert ended.value.code == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err == (
+        "detpg: Frame 1 of Drawing-v0 is a str: let render() return uint8 of shape (height, width, "
+        "3).\n"
+    )
+    assert Path(f"film.{kind}").read_bytes() == b"before"
 
 
 def test_a_run_in_a_world_of_ours_is_drawn_by_us(opened):

@@ -4,7 +4,7 @@ import dataclasses
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import tyro
 
@@ -21,6 +21,14 @@ KINDS = ("mp4", "gif", "png")
 MOST_STEPS = 10_000  # the film is held in memory, 0.7 MB a step
 OF_ENVIRONMENT = ("random", "zero")
 Act = Callable[[Any, Any], Any]  # step and state -> action
+
+
+class Played(NamedTuple):
+    """Pictures of an episode, or its last one, how many steps it had, and pictures a second."""
+
+    pictures: "list[np.ndarray]"
+    num_steps: int
+    rate: float
 
 
 @dataclasses.dataclass(frozen=True)
@@ -86,9 +94,9 @@ class Render:
         self._check_numbers()
         film = self._film()
         check_writable(output)
-        pictures, num_steps = film(kind == "png")
-        self._write(pictures, output, kind)
-        print(f"written to {output}: {num_steps} steps")
+        played = film(kind == "png")
+        self._write(played, output, kind)
+        print(f"written to {output}: {played.num_steps} steps")
 
     def _check_numbers(self) -> None:
         ranges = {"steps": (1, MOST_STEPS), "seed": (0, 2**31 - 1), "hold": (1, MOST_STEPS)}
@@ -97,7 +105,7 @@ class Render:
             if value is not None and not low <= value <= high:
                 raise UserError(f"--{name} {value} cannot be used: give {low} to {high}.")
 
-    def _film(self) -> "Callable[[bool], tuple[list[np.ndarray], int]]":
+    def _film(self) -> "Callable[[bool], Played]":
         """What plays and draws, once all that was named is known to be there."""
         from detpg.environments import ENVIRONMENTS
 
@@ -168,24 +176,23 @@ class Render:
 
         return jax.random.split(jax.random.key(self.seed), 3)
 
-    def _own_film(
-        self, environment: "Environment", act: Act, learnt: bool, last: bool
-    ) -> "tuple[list[np.ndarray], int]":
+    def _own_film(self, environment: "Environment", act: Act, learnt: bool, last: bool) -> "Played":
         """Pictures of an episode in an environment of detpg, or of its last state alone."""
         from detpg.figures.frames import film
+        from detpg.integrations.gymnasium.parts import RENDER_FPS
 
         states, actions = self._played(environment, act, self.steps or (1000 if learnt else 100))
-        return list(film(environment, states, actions, last=last)), len(actions) - 1
+        pictures = list(film(environment, states, actions, last=last))
+        return Played(pictures, len(actions) - 1, RENDER_FPS)
 
-    def _foreign_film(self, run: Any, which: str, last: bool) -> "tuple[list[np.ndarray], int]":
+    def _foreign_film(self, run: Any, which: str, last: bool) -> "Played":
         """Pictures of an episode in a Gymnasium environment, by its own drawing."""
         # Drawn into memory: SDL, which draws Gymnasium's worlds, needs no screen.
         os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
         with told():
-            pictures = run.film(which, self.index, self.seed, self.steps or 1000)
-        # mp4 stores colours for squares of two pixels.
-        even = [p[: len(p) // 2 * 2, : p.shape[1] // 2 * 2] for p in pictures]
-        return even[-1:] if last else even, len(pictures) - 1
+            film = run.film(which, self.index, self.seed, self.steps or 1000)
+        pictures = film.frames[-1:] if last else film.frames
+        return Played(pictures, len(film.frames) - 1, film.rate)
 
     def _played(self, environment: "Environment", act: Act, num_steps: int) -> tuple[Any, Any]:
         """States and the actions taken there, up to the state in which the episode ended."""
@@ -207,12 +214,14 @@ class Render:
         end = over[0] + 1 if len(over) else len(steps)
         return jax.tree.map(lambda leaf: leaf[:end], (states, actions))
 
-    def _write(self, pictures: "list[np.ndarray]", output: Path, kind: str) -> None:
-        from detpg.figures.octopus import animate
+    def _write(self, played: "Played", output: Path, kind: str) -> None:
+        from detpg.figures.animation import animate
         from detpg.runs import write_atomically
 
         film_kind = "gif" if kind == "gif" else "mp4"
-        content = _png(pictures[0]) if kind == "png" else animate(pictures, film_kind)
+        pictures = played.pictures
+        still = kind == "png"
+        content = _png(pictures[0]) if still else animate(pictures, film_kind, played.rate)
         try:
             write_atomically(output, lambda file: file.write(content))
         except OSError as error:

@@ -15,6 +15,7 @@ from detpg.experiments.figure3_claims import NUM_PUBLISHED, SOLVED
 from detpg.experiments.octopus_shards import POLICY, environment_of, kept_policy
 from detpg.experiments.published import SOURCE, published_curve
 from detpg.figures import octopus
+from detpg.figures.animation import animate
 from detpg.figures.style import new_figure, save, style
 from detpg.runs import write_atomically
 from detpg.types import Policy
@@ -140,7 +141,7 @@ def _film(directory: Path) -> None:
     states, actions, steps = _strike(directory)
     pictures = list(octopus.frames(environment_of(ARMS[0]), states, actions))
     # Each frame stands for 5 units of time; the last one stays for a second and a half.
-    film = octopus.animate([*pictures, *[pictures[-1]] * 15], "mp4", fps=10)
+    film = animate([*pictures, *[pictures[-1]] * 15], "mp4", fps=10)
     write_atomically(directory / "octopus.mp4", lambda file: file.write(film))
     shown = [pictures[min(round(part * steps), len(pictures) - 1)] for part in SHOWN_AT]
     with style():

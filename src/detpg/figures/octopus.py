@@ -1,12 +1,7 @@
 """The octopus arm in a picture or a film: muscles by activation, target, water, path of the tip."""
 
-import importlib
-import io
-import subprocess
-import tempfile
-from collections.abc import Iterable, Iterator
-from pathlib import Path
-from typing import Any, Literal
+from collections.abc import Iterator
+from typing import Any
 
 import jax
 import numpy as np
@@ -106,26 +101,6 @@ def frames(
             yield frame(world, state, action, path, pixels=pixels, words=f"step {step}")
 
 
-def animate(
-    frames: Iterable[np.ndarray], kind: Literal["mp4", "gif"] = "mp4", fps: int = 20
-) -> bytes:
-    """A film of frames of one size.
-
-    Args:
-        frames: uint8, shape (height, width, 3), both even for mp4.
-        kind: mp4 needs the package imageio-ffmpeg.
-        fps: Frames per second.
-
-    Raises:
-        ValueError: No frames, or another kind.
-        ModuleNotFoundError: mp4 without imageio-ffmpeg.
-    """
-    pictures = list(frames)
-    if not pictures or kind not in ("mp4", "gif"):
-        raise ValueError(f"{len(pictures)} frames as {kind!r}: give 1 or more, as mp4 or gif.")
-    return _mp4(pictures, fps) if kind == "mp4" else _gif(pictures, fps)
-
-
 def paint(axes: Axes, world: OctopusArm, state: State, action: Any = None, path: Any = ()) -> None:
     """Draws arm, target and water into axes of equal scale."""
     body = body_of(world.parameters)
@@ -211,32 +186,3 @@ def _target(axes: Axes, target: np.ndarray, hit: bool, size: float) -> None:
     colour, place = HIT if hit else AIM, tuple(target)
     axes.add_patch(Circle(place, 2 * size, facecolor="none", edgecolor=colour, lw=1.6, zorder=8))
     axes.add_patch(Circle(place, size, facecolor=colour, edgecolor="white", lw=0.8, zorder=8))
-
-
-def _gif(pictures: list[np.ndarray], fps: int) -> bytes:
-    from PIL import Image
-
-    images = [Image.fromarray(picture).quantize(128) for picture in pictures]
-    content = io.BytesIO()
-    pace: dict[str, Any] = {"duration": round(1000 / fps), "loop": 0}
-    images[0].save(content, "gif", save_all=True, append_images=images[1:], **pace)
-    return content.getvalue()
-
-
-def _mp4(pictures: list[np.ndarray], fps: int) -> bytes:
-    try:
-        imageio_ffmpeg = importlib.import_module("imageio_ffmpeg")
-    except ModuleNotFoundError as error:
-        words = "A film as mp4 needs imageio-ffmpeg: pip install imageio-ffmpeg, or choose gif."
-        raise ModuleNotFoundError(words) from error
-    height, width, _ = pictures[0].shape
-    raw = ("-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", str(fps))
-    coded = ("-an", "-c:v", "libx264", "-crf", "18", "-pix_fmt", "yuv420p")
-    with tempfile.TemporaryDirectory() as directory:
-        path = Path(directory) / "film.mp4"
-        command = (imageio_ffmpeg.get_ffmpeg_exe(), *raw, "-i", "-", *coded, str(path))
-        content = b"".join(np.ascontiguousarray(picture).tobytes() for picture in pictures)
-        done = subprocess.run(command, input=content, capture_output=True)
-        if done.returncode:
-            raise ValueError(f"ffmpeg: {done.stderr.decode(errors='replace').splitlines()[-1]}.")
-        return path.read_bytes()

@@ -10,6 +10,7 @@ import numpy as np
 import pyarrow as pa
 from jaxtyping import PyTree
 
+from detpg.integrations.gymnasium.filming import Film
 from detpg.runs import RunDirectoryError, read_arrays
 from detpg.types import Bounds, Environment, EnvironmentSpec, Policy
 from detpg.workbench.config import Config
@@ -138,7 +139,7 @@ class OpenedRun:
         """The environment of `detpg.environments` that it was trained in; None: another one."""
         return own_world(self.config)
 
-    def film(self, which: Which, seed: int | None, start: int, max_steps: int) -> list[np.ndarray]:
+    def film(self, which: Which, seed: int | None, start: int, max_steps: int) -> Film:
         """Frames of an episode in a Gymnasium environment, the start's first.
 
         Args:
@@ -148,7 +149,7 @@ class OpenedRun:
             max_steps: Steps after which the film ends.
 
         Raises:
-            ValueError: The environment cannot draw itself.
+            ValueError: The environment draws nothing, or what no film can be made of.
         """
         if self.config.environment is None:
             raise RunDirectoryError(f"{self.path} knows logged data alone: nothing can be filmed.")
@@ -157,7 +158,8 @@ class OpenedRun:
         worlds = hosted_worlds(self.config, self._own, 1, render_mode="rgb_array")
         try:
             observation = worlds.reset([start])
-            frames = [_frame(worlds)]
+            film = Film(worlds.spec.name, worlds.frame_rate)
+            film.add(worlds.render())
             for _ in range(max_steps):
                 step = worlds.step(np.asarray(act(observation[0]))[None])
                 observation = step.observation
@@ -165,17 +167,10 @@ class OpenedRun:
                 # The world stands in its next episode by then: its last picture is lost.
                 if over:
                     break
-                frames.append(_frame(worlds))
-            return frames
+                film.add(worlds.render())
+            return film
         finally:
             worlds.close()
-
-
-def _frame(worlds: Any) -> np.ndarray:
-    frame = worlds.render()
-    if frame is None:
-        raise ValueError(f"{worlds.spec.name} draws no picture: nothing can be filmed.")
-    return np.array(frame)
 
 
 def open_run(path: Path | str, policy: Policy | str | None = None, world: Any = None) -> OpenedRun:

@@ -9,6 +9,7 @@ from gymnasium.error import Error
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import iterate
 
+from detpg.integrations.gymnasium.filming import frame_rate
 from detpg.integrations.gymnasium.flat import FlatActions, FlatObservations
 from detpg.integrations.gymnasium.hosted import (
     Step,
@@ -33,6 +34,7 @@ class BatchedWorlds:
         spec: Of each copy.
         num: How many.
         time_limit: Steps, or None where none is known.
+        frame_rate: Pictures a second.
     """
 
     def __init__(self, env: VectorEnv):
@@ -42,7 +44,7 @@ class BatchedWorlds:
             ValueError: Names a space that cannot be used, or says that there is no autoreset mode.
         """
         self.env, self.num = env, env.num_envs
-        self._mode = _mode(env)
+        self._mode, self.frame_rate = _mode(env), frame_rate(env.metadata)
         self._observations = FlatObservations(env.single_observation_space)
         self._actions = FlatActions(env.single_action_space, self.num)
         name, self.time_limit = _name_and_limit(env.unwrapped)
@@ -77,7 +79,7 @@ class BatchedWorlds:
             observation = self._restarted(observation)
         return Step(reward, last, terminated, truncated, observation, ~fresh)
 
-    def render(self) -> np.ndarray | None:
+    def render(self) -> Any:
         return picture(self.spec.name, self.env)
 
     def close(self) -> None:

@@ -46,11 +46,13 @@ class Worlds(Protocol):
         spec: Bounds in the world's own units; `time_limit` is NO_TIME_LIMIT where none is known.
         num: How many.
         time_limit: Steps, or None where none is known: evaluation then needs one.
+        frame_rate: Pictures a second of what `render` draws.
     """
 
     spec: EnvironmentSpec
     num: int
     time_limit: int | None
+    frame_rate: float
 
     def reset(self, seeds: Sequence[int]) -> np.ndarray:
         """New episodes in all worlds, observations (num, d); later ones follow from the seeds."""
@@ -60,8 +62,8 @@ class Worlds(Protocol):
         """One step of each world; actions (num, m) inside the box, in the world's own units."""
         ...
 
-    def render(self) -> np.ndarray | None:
-        """A picture of world 0, if it was opened with a render mode that gives one."""
+    def render(self) -> Any:
+        """What world 0 draws of itself, if it was opened with a render mode."""
         ...
 
     def close(self) -> None:
@@ -121,8 +123,8 @@ def whole_seeds(seeds: Sequence[int], num: int) -> list[int]:
     return [int(seed) for seed in seeds]
 
 
-def picture(name: str, env: gymnasium.Env | VectorEnv) -> np.ndarray | None:
-    """What a world, or the first of several, draws of itself, if that is a picture."""
+def picture(name: str, env: gymnasium.Env | VectorEnv) -> Any:
+    """What a world, or the first of several, draws of itself: mostly pixels (see `filming`)."""
     if env.render_mode is None:
         return None
     try:
@@ -131,7 +133,7 @@ def picture(name: str, env: gymnasium.Env | VectorEnv) -> np.ndarray | None:
         raise ValueError(f"{name} cannot be drawn: {sentence(error)}") from error
     if isinstance(env, VectorEnv) and drawn is not None:
         drawn = drawn[0]
-    return drawn if isinstance(drawn, np.ndarray) else None
+    return drawn
 
 
 def sentence(error: Exception) -> str:

@@ -7,6 +7,7 @@ import gymnasium
 import numpy as np
 from gymnasium.spaces.utils import flatdim
 
+from detpg.integrations.gymnasium.filming import frame_rate
 from detpg.integrations.gymnasium.flat import FlatActions, FlatObservations
 from detpg.integrations.gymnasium.hosted import (
     Step,
@@ -27,6 +28,7 @@ class PlainWorlds:
         spec: Of each.
         num: How many.
         time_limit: Steps, or None where none is known.
+        frame_rate: Pictures a second.
     """
 
     def __init__(self, envs: Sequence[gymnasium.Env]):
@@ -40,6 +42,7 @@ class PlainWorlds:
         self._observations = FlatObservations(first.observation_space)
         self._actions = FlatActions(first.action_space, self.num)
         self._check_alike()
+        self.frame_rate = frame_rate(first.metadata)
         self.time_limit, own = limit_of(first), own_spec(first.unwrapped)
         name = name_of(first.unwrapped)
         self.spec = spec_of(name, self._observations, self._actions, self.time_limit, own)
@@ -72,7 +75,7 @@ class PlainWorlds:
         observation = self._restarted(memory, over) if over else last
         return Step(reward, last, terminated, truncated, observation, self._valid)
 
-    def render(self) -> np.ndarray | None:
+    def render(self) -> Any:
         return picture(self.spec.name, self.envs[0])
 
     def close(self) -> None:
