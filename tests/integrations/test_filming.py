@@ -82,7 +82,7 @@ def test_a_film_has_one_white():
     deep = np.full((2, 2), 40_000, np.uint16)
     frames = filmed(deep, deep // 200)
     assert [int(frame.max()) for frame in frames] == [156, 1]
-    with pytest.raises(ValueError, match="^Frame 1 of Mine-v0 has numbers from 200 to 200, those "):
+    with pytest.raises(ValueError, match=r"^Frame 1 of Mine-v0 has numbers from 200 to 200, th"):
         filmed(dark, bright)
 
 

@@ -27,10 +27,10 @@ def frame_rate(metadata: Any) -> float:
 class Film:
     """An episode's frames, converted as they come.
 
-    Taken are uint8; floats in 0 to 1 or in 0 to 255; integers in 0 to 255, uint16 also in 0 to 65535;
-    booleans. In any of these grey (height, width) or (height, width, 1), red, green and blue, or
-    those with an opacity, which is laid over white; channels last or first. Of a list of frames the
-    last is taken: the others were drawn before it.
+    Taken are uint8; floats in 0 to 1 or in 0 to 255; integers in 0 to 255, uint16 also in 0 to
+    65535; booleans. In any of these grey (height, width) or (height, width, 1), red, green and
+    blue, or those with an opacity, which is laid over white; channels last or first. Of a list of
+    frames the last is taken: the others were drawn before it.
 
     Attributes:
         frames: uint8, shape (height, width, 3); sizes may differ.
@@ -69,9 +69,7 @@ class Film:
             raise ValueError(f"{self._name} draws no picture: nothing can be filmed.")
         try:
             found = np.asarray(drawn)
-        except (
-            Exception
-        ):  # what is turned into an array by somebody else's code may fail in any way
+        except Exception:  # somebody else's code makes the array, and may fail in any way
             found = np.asarray(None)
         if found.dtype.kind not in "biuf":
             self._refuse(f"is a {type(drawn).__name__}")
