@@ -70,9 +70,12 @@ def test_a_problem_ends_with_code_1(
     assert "1 problem, 0 warnings" in capsys.readouterr().out
 
 
-def test_a_warning_is_no_failure(capsys: pytest.CaptureFixture[str]):
+def test_a_warning_is_no_failure(monkeypatch, capsys: pytest.CaptureFixture[str]):
     main(["check-env", "detpg/LQR-v0", "--steps", "10", "--json"])
     assert levels(capsys)["action bounds"] == "warning"
+    monkeypatch.setenv("COLUMNS", "60")
+    main(["check-env", "detpg/LQR-v0", "--steps", "10"])
+    assert "…" not in capsys.readouterr().out  # what to do is told in whole words
 
 
 def test_an_environment_of_this_library(monkeypatch, capsys: pytest.CaptureFixture[str]):

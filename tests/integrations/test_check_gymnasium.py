@@ -268,3 +268,81 @@ def test_a_time_limit_that_is_called_a_true_end():
     findings = checked(Clocked, None)
     assert bad(findings) == {"episodes": "warning"}
     assert "whatever was done" in of(findings, "episodes").found
+
+
+class Camera(Point):
+    """A picture, most of it black, and what moves in it."""
+
+    observation_space = Box(0, 255, (64, 64, 3), np.uint8)
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        return self.seen(), {}
+
+    def step(self, action):
+        _, *rest = super().step(action)
+        return self.seen(), *rest
+
+    def seen(self):
+        picture = np.zeros((64, 64, 3), np.uint8)
+        picture[:8] = np.clip(np.abs(self.place).max() * 25, 0, 255)
+        return picture
+
+
+class CameraBeside(Camera):
+    observation_space = Dict(
+        camera=Box(0, 255, (64, 64, 3), np.uint8), speed=Box(-10.0, 10.0, (1,))
+    )
+
+    def seen(self):
+        return {"camera": super().seen(), "speed": self.place[:1].copy()}
+
+
+class Long(Point):
+    """Many numbers that are none of a camera's."""
+
+    observation_space = Box(-1e4, 1e4, (40, 50))
+
+    def reset(self, *, seed=None, options=None):
+        seen, info = super().reset(seed=seed)
+        return self.spread(seen), info
+
+    def step(self, action):
+        seen, *rest = super().step(action)
+        return self.spread(seen), *rest
+
+    def spread(self, seen):
+        return np.tile(seen * 1000, 1000).reshape(40, 50)
+
+
+@pytest.mark.parametrize("make", [Camera, CameraBeside])
+def test_a_camera_is_told_in_a_sentence(make):
+    findings = checked(make, steps=80)
+    assert of(findings, "pixels").found == (
+        "The observation holds a picture: uint8 of shape (64, 64, 3), 12288 numbers."
+    )
+    assert of(findings, "pixels").advice.startswith("Pixels are not what these learners take: ")
+    assert of(findings, "pixels").advice.count(". ") == 0
+    still, off = (f.found for f in findings if f.check == "observation scale")
+    assert still == (
+        "It never changed in 80 steps: component 1536, 1537, 1538, 1539, 1540 and 10747 more."
+    )
+    assert off.startswith("Far from a size of 1 (root mean square): component 0 (")
+    assert off.endswith(") and 1531 more.")
+    assert sum(len(f.found) + len(f.advice) for f in findings) < 3000
+
+
+def test_many_components_are_counted():
+    findings = checked(Long, steps=80)
+    assert [f.check for f in findings if f.check == "pixels"] == []
+    found = of(findings, "observation scale").found
+    assert found.endswith(") and 1995 more.")
+
+
+def test_what_another_library_says_at_length_is_cut():
+    class Wordy(Point):
+        def step(self, action):
+            raise ValueError(str(np.arange(900).tolist()))
+
+    for found in checked(Wordy):
+        assert len(found.found) <= 400

@@ -97,9 +97,8 @@ def _print_table(environment: str, findings: "list[Finding]") -> None:
 
     table = Table(title=environment, title_justify="left", show_lines=True)
     table.add_column("level", no_wrap=True)
-    table.add_column("what", ratio=1)
-    table.add_column("found", ratio=3)
-    table.add_column("what to do", ratio=3)
+    for name, ratio in (("what", 1), ("found", 3), ("what to do", 3)):
+        table.add_column(name, ratio=ratio, overflow="fold")  # a long name is not cut
     for finding in findings:
         level = f"[{STYLES[finding.level]}]{finding.level}[/]"
         table.add_row(level, *map(escape, (finding.check, finding.found, finding.advice)))

@@ -1,9 +1,13 @@
 """What a check of somebody else's world found: levels, words, advice."""
 
 import dataclasses
+from collections.abc import Iterable
+from itertools import islice
 from typing import Literal
 
 Level = Literal["problem", "warning", "fine"]
+NAMED = 5  # components; the others are counted
+LONGEST = 400  # characters of what was found: other libraries print whole arrays
 
 
 @dataclasses.dataclass(frozen=True)
@@ -23,6 +27,10 @@ class Finding:
     found: str
     advice: str = ""
 
+    def __post_init__(self):
+        if len(self.found) > LONGEST:
+            object.__setattr__(self, "found", f"{self.found[: LONGEST - 4].rstrip()} ...")
+
 
 def problem(check: str, found: str, advice: str) -> Finding:
     """Learning fails, or learns something else."""
@@ -37,3 +45,9 @@ def warning(check: str, found: str, advice: str) -> Finding:
 def fine(check: str, found: str) -> Finding:
     """Nothing to do."""
     return Finding("fine", check, found)
+
+
+def components(names: Iterable[str], number: int) -> str:
+    """The first few of so many components, and how many more there are."""
+    more = f" and {number - NAMED} more" if number > NAMED else ""
+    return f"component {', '.join(islice(names, NAMED))}{more}"

@@ -21,6 +21,7 @@ from detpg.testing.judgements import (
     judge_finite,
     judge_observation_bounds,
     judge_observation_scale,
+    judge_pixels,
     judge_reward,
     judge_rewriting,
     judge_seed,
@@ -124,6 +125,7 @@ def _ours(env: gymnasium.Env, steps: int, seed: int) -> list[Finding]:
         findings.append(judge_action(first, other))
     finite = judge_finite(first)
     findings += [finite, *judge_space(first), judge_rewriting(first)]
+    findings += judge_pixels(env.observation_space)
     if finite.level == "fine":
         findings += [*judge_observation_scale(first), judge_reward(first)]
         findings += judge_observation_bounds(first, worlds.spec)

@@ -1,14 +1,19 @@
 """What is to be said of a play: one finding for each thing that learning depends on."""
 
+import math
+
+import gymnasium
 import numpy as np
+from gymnasium.spaces import Box, Dict, Tuple
 
 from detpg.bounds import NO_BOUND
-from detpg.testing.findings import Finding, fine, problem, warning
+from detpg.testing.findings import Finding, components, fine, problem, warning
 from detpg.testing.played import Play
 from detpg.types import EnvironmentSpec
 
 # Root mean square of what learns without a normaliser; rewards may be rare, and then small.
 OBSERVATION_SIZES, REWARD_SIZES = (0.1, 10.0), (0.01, 10.0)
+FEWEST_PIXELS = 100  # of what is taken for a picture
 WIDEST = 1e6  # half a range beyond which bounds are no scale
 FILLED = 1e-3  # of its bounds: an observation that fills less stays in one tile
 
@@ -95,6 +100,27 @@ def judge_space(play: Play) -> list[Finding]:
     return findings or [fine(check, "Every observation lay inside its space.")]
 
 
+def judge_pixels(space: gymnasium.Space) -> list[Finding]:
+    """Whether observations, or a part of them, are a camera's."""
+    if isinstance(space, Dict | Tuple):
+        parts = space.values() if isinstance(space, Dict) else space.spaces
+        return [finding for part in parts for finding in judge_pixels(part)][:1]
+    shape, size = space.shape or (), math.prod(space.shape or ())
+    flat = len(shape) < (2 if space.dtype == np.uint8 else 3)
+    if not isinstance(space, Box) or flat or size < FEWEST_PIXELS:
+        return []
+    return [
+        warning(
+            "pixels",
+            f"The observation holds a picture: {space.dtype} of shape {shape}, {size} numbers.",
+            "Pixels are not what these learners take: observe what the picture shows (positions, "
+            "speeds), put a trained feature extractor before it (gymnasium.wrappers."
+            "TransformObservation), or at least make it small (GrayscaleObservation, "
+            "ResizeObservation); it is flattened in any case.",
+        )
+    ]
+
+
 def judge_rewriting(play: Play) -> Finding:
     """Whether what was handed on stays as it was."""
     check = "observations stay"
@@ -118,15 +144,15 @@ def judge_observation_scale(play: Play) -> list[Finding]:
     off = [k for k, size in enumerate(sizes) if k not in still and not least <= size <= most]
     findings = []
     if still.size:
-        names = ", ".join(map(str, still))
-        found = f"It never changed in {len(play.rewards)} steps: component {names}."
+        names = components(map(str, still), still.size)
+        found = f"It never changed in {len(play.rewards)} steps: {names}."
         findings.append(warning(check, found, "Leave out what says nothing, or make it say it."))
     if off:
-        names = ", ".join(f"{k} ({sizes[k]:.2g})" for k in off)
+        names = components((f"{k} ({sizes[k]:.2g})" for k in off), len(off))
         findings.append(
             warning(
                 check,
-                f"Far from a size of 1 (root mean square): component {names}.",
+                f"Far from a size of 1 (root mean square): {names}.",
                 "Normalise observations (detpg.wrappers.Normalised), or scale them in the world.",
             )
         )
