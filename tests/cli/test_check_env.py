@@ -89,11 +89,22 @@ def test_an_environment_of_this_library(monkeypatch, capsys: pytest.CaptureFixtu
     assert levels(capsys) == {"conformance": "problem"}
 
 
+def test_options_of_the_environment(capsys: pytest.CaptureFixture[str]):
+    words = ["check-env", "detpg/LQR-v0", "--steps", "10", "--json", "--environment-option"]
+    main([*words, "gamma=0.5"])
+    assert levels(capsys)["action bounds"] == "warning"
+    main(["check-env", "lqr", "--json", "--environment-option", "gamma=0.5"])
+    assert levels(capsys) == {"conformance": "fine"}
+
+
 @pytest.mark.parametrize(
     ("words", "named"),
     [
         (("Pendulm-v1",), ("'Pendulm-v1'", "Did you mean", "Pendulum")),
         (("nowhere_at_all:X-v0",), ("nowhere_at_all",)),
+        (("Pendulum-v1", "--environment-option", "mass=1"), ("cannot be built", "'mass'")),
+        (("pendulum", "--environment-option", "mass=1"), ("cannot be built", "'mass'")),
+        (("Pendulum-v1", "--environment-option", "g"), ("--environment-option g", "NAME=VALUE")),
         (("Pendulum-v1", "--steps", "0"), ("--steps 0", "give 1")),
         (("Pendulum-v1", "--seed", "-1"), ("--seed -1", "2147483647")),
         (("Pendulum-v1", "--time-limit", "0"), ("--time-limit 0", "give 1")),

@@ -8,6 +8,7 @@ import sys
 import warnings
 from pathlib import Path
 
+import gymnasium
 import jax
 import numpy as np
 import pyarrow.parquet as pq
@@ -167,6 +168,20 @@ def warned() -> list[str]:
     return [f"seed 0: {words}" for kinds in found for words in kinds.values()]
 
 
+class RigEnv(gymnasium.Env):
+    """A world that need not be stepped."""
+
+    observation_space = action_space = gymnasium.spaces.Box(-1.0, 1.0, (1,))
+
+
+RIG = RigEnv()
+gymnasium.register("OneRig-v0", lambda: RIG)
+gymnasium.register(
+    "Normalised-v0",
+    lambda: gymnasium.wrappers.NormalizeObservation(gymnasium.make("Pendulum-v1")),
+)
+
+
 def led_into_faults(capsys, monkeypatch) -> list[str]:
     """What the commands print when they are led into the faults of the page."""
     train, wild = f"train opdac lqr {SMALL}", "--normalise none --steps 400"
@@ -198,6 +213,8 @@ def led_into_faults(capsys, monkeypatch) -> list[str]:
         "train opdac lqr --evaluate-every 1500",
         "train opdac pendulum --num-envs 4",
         "train opdac CartPole-v1",
+        "train opdac OneRig-v0",
+        "train opdac Normalised-v0",
     ]
     found = [line for call in calls for line in detpg(call, capsys)]
     Path("runs/mine/checkpoints/000000000040/manifest.ocdbt").write_bytes(b"")

@@ -123,7 +123,7 @@ def test_it_learns_what_a_loop_by_hand_learns(name, num):
     alike(learnt, shared)
     moved = jax.tree.leaves(engine.learners(after))[0] - jax.tree.leaves(engine.learners(before))[0]
     assert np.abs(moved).max() > 1e-3
-    for world, twin in zip(made, worlds, strict=True):
+    for world, twin in zip(made[:num], worlds, strict=True):  # others judge
         np.testing.assert_allclose(world.given, twin.given, rtol=1e-4, atol=1e-4)
         assert world.episode > 2
     carried_out = [action for world in made for action in world.given]

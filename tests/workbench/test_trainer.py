@@ -221,11 +221,6 @@ def test_a_run_in_ones_own_world_is_opened_with_it(tmp_path):
     assert played["length"].to_pylist() == [10] * 3
 
 
-def test_a_world_that_is_built_already_is_refused():
-    with pytest.raises(ValueError, match=r"is built already, but evaluations need worlds of their"):
-        Trainer("opdac", Slope())
-
-
 def test_files_that_are_no_trainers_are_refused(tmp_path, saved):
     content = saved.read_bytes()
     about = {"algorithm": "opdac", "environment": "lqr", "policy": "auto", "options": {}}
@@ -244,7 +239,7 @@ def test_files_that_are_no_trainers_are_refused(tmp_path, saved):
     ("given", "said"),
     [
         ({"sigm": 0.1}, r"^'sigm' is no setting of a run: leave it out\.$"),
-        ({"steps": "many"}, r"^steps = 'many' is no whole number"),
+        ({"tiles": "many"}, r"^tiles = 'many' is no whole number"),
         ({"num_envs": 2}, r"^num_envs = 2 is not usable with 'lqr', which is compiled whole"),
         ({"policy": "huge"}, r"^policy 'huge' is unknown"),
     ],

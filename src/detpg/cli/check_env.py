@@ -1,12 +1,13 @@
 """`detpg check-env`: what stands in the way of learning in an environment."""
 
 import dataclasses
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
 from detpg.cli.errors import UserError
 from detpg.cli.json_output import print_json
+from detpg.cli.opened import environment_options
 
 if TYPE_CHECKING:
     from detpg.testing import Finding
@@ -34,6 +35,11 @@ class CheckEnv:
         int | None, tyro.conf.arg(metavar="N", help_behavior_hint="(default: the registered one)")
     ] = None
     """Steps after which an episode is truncated, 1 or more."""
+
+    environment_option: Annotated[
+        tuple[str, ...], tyro.conf.arg(metavar="NAME=VALUE ...", help_behavior_hint="")
+    ] = ()
+    """Of the environment, such as g=9.81; several may follow, as in `detpg train`."""
 
     json: bool = False
     """Print JSON instead of a table."""
@@ -63,23 +69,30 @@ class CheckEnv:
         from detpg.environments import ENVIRONMENTS
         from detpg.testing import check_gymnasium
 
-        if self.environment in ENVIRONMENTS:
-            return _conformance(self.environment)
+        options = environment_options(self.environment_option)
         try:
+            if self.environment in ENVIRONMENTS:
+                return _conformance(self.environment, options)
             return check_gymnasium(
-                self.environment, steps=self.steps, seed=self.seed, time_limit=self.time_limit
+                self.environment,
+                steps=self.steps,
+                seed=self.seed,
+                time_limit=self.time_limit,
+                options=options,
             )
         except ValueError as error:
             raise UserError(str(error)) from error
 
 
-def _conformance(name: str) -> "list[Finding]":
+def _conformance(name: str, options: dict[str, Any]) -> "list[Finding]":
     """Of this library's own environments: do they keep the protocol?"""
     from detpg.environments import ENVIRONMENTS
     from detpg.testing import Finding, check_environment
+    from detpg.workbench.compiled import built
 
+    environment = built(ENVIRONMENTS[name], name, options)
     try:
-        check_environment(ENVIRONMENTS[name]())
+        check_environment(environment)
     except AssertionError as error:
         return [Finding("problem", "conformance", str(error))]
     return [Finding("fine", "conformance", "It keeps the protocol detpg.types.Environment.")]

@@ -1,6 +1,7 @@
 """Runs that a command looks at."""
 
 import contextlib
+import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any
@@ -45,6 +46,24 @@ def opened(path: Path, policy: str, own: str | None = None, environment: str | N
             f"with `{hints.resume(path, run.config, own)}`."
         )
     return run
+
+
+def environment_options(words: tuple[str, ...]) -> dict[str, Any]:
+    """What NAME=VALUE words say, a value as JSON where it is any, else as text.
+
+    Raises:
+        UserError: No such words.
+    """
+    options: dict[str, Any] = {}
+    for given in words:
+        name, equals, value = given.partition("=")
+        if not (name and equals):
+            raise UserError(f"--environment-option {given} cannot be used: give NAME=VALUE.")
+        try:
+            options[name] = json.loads(value)
+        except ValueError:
+            options[name] = value
+    return options
 
 
 @contextlib.contextmanager

@@ -12,7 +12,7 @@ import tyro
 
 from detpg.cli import hints
 from detpg.cli.errors import UserError
-from detpg.cli.opened import OwnEnvironment, OwnPolicy
+from detpg.cli.opened import OwnEnvironment, OwnPolicy, environment_options
 
 if TYPE_CHECKING:
     from detpg.workbench.config import Config
@@ -129,7 +129,7 @@ def _settings(command: Any) -> dict[str, Any]:
             single = isinstance(value, tuple) and len(value) == 1
             options[field.name] = value[0] if single else value
         elif field.name == "environment_option":
-            found["environment_options"] = dict(map(_pair, value))
+            found["environment_options"] = environment_options(value)
         else:
             found[field.name] = value
     return {**found, "options": options}
@@ -158,19 +158,6 @@ def _tuned(command: Any) -> Path:
         f"--config tuned knows nothing for {command.algorithm} in {command.environment}, only "
         f"{what}: leave it out and set the step sizes."
     )
-
-
-def _pair(words: str) -> tuple[str, Any]:
-    """NAME=VALUE, the value as JSON where it is any, else as text."""
-    import json
-
-    name, equals, value = words.partition("=")
-    if not equals:
-        raise UserError(f"--environment-option {words} cannot be used: give NAME=VALUE.")
-    try:
-        return name, json.loads(value)
-    except ValueError:
-        return name, value
 
 
 def _go(config: "Config", path: Path, own: str | None, environment: str | None) -> None:

@@ -38,7 +38,14 @@ COMMON: dict[str, tuple[Any, str]] = {
     "num-envs": (int, "Worlds of each learner, of a Gymnasium environment (default: 1)."),
     "time-limit": (int, "Steps after which an episode is cut (default: the environment's)."),
     "evaluate-every": (int, "Steps between evaluations without noise (default: 5000)."),
-    "evaluation-episodes": (int, "Episodes of each evaluation (default: 10)."),
+    "evaluation-episodes": (
+        int,
+        "Episodes of each evaluation; 0: none, the last policy is the best (default: 10).",
+    ),
+    "judge-in-same-world": (
+        bool,
+        "Evaluate in the world that trains, between its episodes: where only one can be open.",
+    ),
     "checkpoint-every": (int, "Steps between checkpoints (default: 5000)."),
     "log-every": (int, "Steps between rows of the metrics (default: 1000)."),
 }

@@ -100,10 +100,12 @@ def _table(path: Path, name: str) -> pl.DataFrame | None:
 def _evaluations(path: Path, config: dict[str, Any], metric: str) -> pl.DataFrame:
     table = _table(path, "evaluations.parquet")
     if table is None:
-        if config.get("run", {}).get("environment", "") is None:
+        run = config.get("run", {})
+        if run.get("environment", "") is None or run.get("evaluation_episodes") == 0:
+            what = "logged data alone" if run.get("environment", "") is None else "no evaluations"
             raise ValueError(
-                f"{path} has logged data alone and no {metric}: plot what training measured, such "
-                "as --metric train/td_error."
+                f"{path} has {what} and no {metric}: plot what training measured, such as --metric "
+                "train/td_error."
             )
         raise ValueError(f"{path} has not been evaluated yet: wait for its first evaluation.")
     value = pl.col(metric).cast(pl.Float64).mean().alias("value")

@@ -11,8 +11,10 @@ from gymnasium.wrappers import TimeLimit
 
 from detpg.integrations.gymnasium.flat import FlatActions, FlatObservations
 from detpg.integrations.gymnasium.hosted import sentence
+from detpg.integrations.gymnasium.layers import gathering
 from detpg.integrations.gymnasium.plain import PlainWorlds
-from detpg.integrations.gymnasium.worlds import build
+from detpg.integrations.gymnasium.worlds import build, check_built
+from detpg.testing.beside import Anew, judge_beside, judge_memory
 from detpg.testing.findings import Finding, fine, problem, warning
 from detpg.testing.judgements import (
     judge_action,
@@ -27,7 +29,7 @@ from detpg.testing.judgements import (
     judge_seed,
     judge_space,
 )
-from detpg.testing.played import play
+from detpg.testing.played import Play, play
 
 STEPS, REPEATED = 2000, 500
 OWN = "Gymnasium's own checks"
@@ -63,12 +65,16 @@ def check_gymnasium(
     if steps < 1:
         raise ValueError(f"steps = {steps} is not usable: give 1 or more.")
     given = isinstance(environment, gymnasium.Env)
-    env = environment if given else build(environment, options or {}, time_limit)
+    if given:
+        check_built(environment, options, None)
+    make: Any = environment
+    anew = None if given else lambda: build(make, options or {}, time_limit)
+    env = environment if given else build(make, options or {}, time_limit)
     if not isinstance(env, gymnasium.Env):
         raise ValueError(f"{type(env).__name__} is not one environment: give one of its copies.")
     try:
         limited = TimeLimit(env, time_limit) if given and time_limit is not None else env
-        return _spaces(env) or [*_gymnasiums(env), *_ours(limited, steps, seed)]
+        return _spaces(env) or [*_gymnasiums(env), *_ours(limited, anew, steps, seed)]
     finally:
         if not given:
             env.close()
@@ -107,7 +113,7 @@ def _gymnasiums(env: gymnasium.Env) -> list[Finding]:
     return findings or [fine(OWN, "Gymnasium's check_env has no objection.")]
 
 
-def _ours(env: gymnasium.Env, steps: int, seed: int) -> list[Finding]:
+def _ours(env: gymnasium.Env, anew: Anew | None, steps: int, seed: int) -> list[Finding]:
     first = play(env, steps, seed, seed)
     if first.fault:
         advice = "Mend the world: random actions inside its action space must be safe."
@@ -116,13 +122,14 @@ def _ours(env: gymnasium.Env, steps: int, seed: int) -> list[Finding]:
     few = min(REPEATED, max(steps // 4, 1))
     again = play(env, few, seed, seed, first.actions)
     other = play(env, few, seed, seed + 1)
-    findings = [judge_bounds(worlds.spec), judge_seed(first, again)]
+    findings = [judge_bounds(worlds.spec), _seed(env, anew, worlds, first, again, seed)]
     if again.fault or other.fault:
         fault = again.fault or other.fault
         advice = "Let reset put back all that a step changes."
         return [*findings, problem("steps", f"In a second run, {fault}.", advice)]
     if findings[-1].level == "fine":  # else whatever differs may differ by chance
         findings.append(judge_action(first, other))
+        findings += [] if anew is None else [judge_beside(env, anew, again, seed)]
     finite = judge_finite(first)
     findings += [finite, *judge_space(first), judge_rewriting(first)]
     findings += judge_pixels(env.observation_space)
@@ -130,3 +137,16 @@ def _ours(env: gymnasium.Env, steps: int, seed: int) -> list[Finding]:
         findings += [*judge_observation_scale(first), judge_reward(first)]
         findings += judge_observation_bounds(first, worlds.spec)
     return [*findings, judge_ends(first, worlds.time_limit)]
+
+
+def _seed(
+    env: gymnasium.Env, anew: Anew | None, worlds: PlainWorlds, first: Play, again: Play, seed: int
+) -> Finding:
+    """Whether a run can be repeated, and if not, why."""
+    if said := gathering(worlds):
+        found, advice = said.rsplit(": ", 1)
+        return problem("running statistics", f"{found}.", f"{advice[0].upper()}{advice[1:]}")
+    finding = judge_seed(first, again)
+    if finding.level == "fine" or anew is None or again.fault:
+        return finding
+    return judge_memory(env, anew, again, finding, seed)

@@ -121,9 +121,17 @@ def named(config: Config, name: str) -> Environment:
         ValueError: An option that it does not take.
     """
     options = dict(config.environment_options)
-    kind: Any = ENVIRONMENTS[name]
     if name == "bandit":
         options.setdefault("key", jax.random.key(config.seed))
+    return built(ENVIRONMENTS[name], name, options)
+
+
+def built(kind: Any, name: str, options: dict[str, Any]) -> Environment:
+    """An environment from its class.
+
+    Raises:
+        ValueError: An option that it does not take, or lacks.
+    """
     try:
         return kind(**options)
     except TypeError as error:

@@ -39,7 +39,10 @@ class Config:
         time_limit: Steps after which an episode is cut; none: the world's own.
         log_every: Steps between rows of the metrics.
         evaluate_every: Steps between evaluations, a multiple of `log_every`.
-        evaluation_episodes: Of each evaluation.
+        evaluation_episodes: Of each evaluation; 0: nothing is judged, and the last policy is the
+            best.
+        judge_in_same_world: Whether evaluations are played in the worlds that train, which begin
+            new episodes afterwards; of no weight where the world is compiled.
         checkpoint_every: Steps between checkpoints, a multiple of `log_every`.
         keep_checkpoints: How many are kept.
     """
@@ -65,6 +68,7 @@ class Config:
     log_every: int = 1_000
     evaluate_every: int = 5_000
     evaluation_episodes: int = 10
+    judge_in_same_world: bool = False
     checkpoint_every: int = 5_000
     keep_checkpoints: int = 3
 
@@ -78,12 +82,17 @@ class Config:
         return {name: value for name, value in self.as_json().items() if name not in free}
 
     def as_json(self) -> dict[str, Any]:
-        """As JSON types."""
-        return json.loads(json.dumps(dataclasses.asdict(self)))
+        """As JSON types.
+
+        Raises:
+            ValueError: An option of the environment that is none.
+        """
+        fields = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
+        return json.loads(json.dumps(fields, default=_plain))
 
     @classmethod
     def from_json(cls, found: dict[str, Any]) -> "Config":
-        """What `as_json` gave.
+        """What `as_json` gave, or settings that somebody chose: the others follow from them.
 
         Raises:
             ValueError: An unknown key.
@@ -94,7 +103,17 @@ class Config:
             raise ValueError(f"{unknown[0]!r} is no setting of a run: leave it out.")
         units = found.get("hidden", cls.hidden)
         hidden = tuple(units) if isinstance(units, list | tuple) else (units,)
-        return cls(**{**found, "hidden": hidden})
+        return cls(**{**fitting(found), "hidden": hidden})
+
+
+def _plain(value: Any) -> Any:
+    """NumPy's numbers and arrays as Python's."""
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    raise ValueError(
+        f"The option {value!r} cannot be kept in a file: give numbers, words, lists or tables, or "
+        "a function that builds the environment with it."
+    )
 
 
 CHOICES = {"value": get_args(ValueKind), "normalise": get_args(Normalise)}
@@ -107,12 +126,28 @@ POSITIVE = (
     "tilings",
     "log_every",
     "evaluate_every",
-    "evaluation_episodes",
     "checkpoint_every",
     "keep_checkpoints",
 )
 # May be none; and what the sizes of tile-coded parts are made of.
 OPTIONAL, TILES = ("time_limit", "hashed"), ("tiles", "tilings", "hashed")
+# Setting -> of what it must be a multiple.
+MULTIPLES = {
+    "log_every": "num_envs",
+    "evaluate_every": "log_every",
+    "checkpoint_every": "log_every",
+}
+
+
+def fitting(found: dict[str, Any]) -> dict[str, Any]:
+    """With defaults that nobody named raised to the next multiple of what was named."""
+    full: dict[str, Any] = {f.name: f.default for f in dataclasses.fields(Config)} | found
+    for name, unit in {**MULTIPLES, "steps": "num_envs"}.items():
+        whole = isinstance(full[unit], int) and full[unit] > 0
+        if name not in found and whole and full[name] % full[unit]:
+            found = {**found, name: -(-full[name] // full[unit]) * full[unit]}
+            full |= found
+    return found
 
 
 def _check(config: Config) -> None:
@@ -125,6 +160,11 @@ def _check(config: Config) -> None:
     for name in POSITIVE:
         if getattr(config, name) < 1:
             raise ValueError(f"{name} = {getattr(config, name)} is not usable: give 1 or more.")
+    if config.evaluation_episodes < 0:
+        raise ValueError(
+            f"evaluation_episodes = {config.evaluation_episodes} is not usable: give 1 or more, or "
+            "0 for no evaluations."
+        )
     if not config.hidden or min(config.hidden) < 1:
         raise ValueError(f"hidden = {config.hidden} is not usable: give 1 or more for each layer.")
     if not 0 <= config.seed < 2**31:
@@ -137,29 +177,30 @@ def _check(config: Config) -> None:
     for name, value in [*sizes, *(("hidden", units) for units in config.hidden)]:
         if value >= 2**31:
             raise ValueError(f"{name} = {value} is not usable: give less than 2^31.")
-    for name in ("evaluate_every", "checkpoint_every"):
-        if getattr(config, name) % config.log_every:
+    for name, unit in MULTIPLES.items():
+        if getattr(config, name) % getattr(config, unit):
             raise ValueError(
-                f"{name} = {getattr(config, name)} is no multiple of log_every = "
-                f"{config.log_every}: give one that is."
+                f"{name} = {getattr(config, name)} is no multiple of {unit} = "
+                f"{getattr(config, unit)}: give one that is."
             )
-    if config.log_every % config.num_envs:
-        raise ValueError(
-            f"log_every = {config.log_every} is no multiple of num_envs = {config.num_envs}: "
-            "give one that is."
-        )
     if config.environment is None and config.data is None:
         raise ValueError("There is nothing to learn from: name an environment, or give data.")
 
 
 def _check_kinds(config: Config) -> None:
     """Refuses what a file can hold but no setting is."""
-    whole = [(name, getattr(config, name)) for name in (*POSITIVE, *OPTIONAL, "seed")]
+    names = *POSITIVE, *OPTIONAL, "seed", "evaluation_episodes"
+    whole = [(name, getattr(config, name)) for name in names]
     for name, value in [*whole, *(("hidden", units) for units in config.hidden)]:
         if name in OPTIONAL and value is None:
             continue
         if not isinstance(value, int) or isinstance(value, bool):
             raise ValueError(f"{name} = {value!r} is no whole number: give one, such as 1000.")
+    if not isinstance(config.judge_in_same_world, bool):
+        raise ValueError(
+            f"judge_in_same_world = {config.judge_in_same_world!r} is no yes or no: give true or "
+            "false."
+        )
     for name, known in CHOICES.items():
         if getattr(config, name) not in known:
             raise ValueError(

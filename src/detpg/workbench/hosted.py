@@ -18,6 +18,7 @@ from detpg.types import Action, Algorithm, Transition
 from detpg.workbench.compiled import EVALUATION, LEARNING, learner_keys
 from detpg.workbench.config import Config
 from detpg.workbench.learners import check_episodes
+from detpg.workbench.opening import in_same_world, open_apart
 from detpg.workbench.play import Played, discount, without_lost, worth
 from detpg.wrappers import of_each_world, several_worlds
 from detpg.wrappers.controller import in_world_units
@@ -65,14 +66,10 @@ class Hosted:
             config: Of the run.
             opened: A number of copies -> `integrations.gymnasium.worlds.Worlds`.
         """
-        self._config, self._opened = config, opened
+        self._config = config
         self._shape = config.seeds, config.num_envs
-        self._worlds = opened(config.seeds * config.num_envs)
-        if self._worlds.num != config.seeds * config.num_envs:
-            raise ValueError(
-                f"{self._worlds.spec.name!r} has {self._worlds.num} copies, which is not seeds * "
-                f"num_envs = {config.seeds} * {config.num_envs}: give numbers that fit."
-            )
+        self._worlds, self._judged = open_apart(config, opened)
+        self._left = False  # whether the worlds have gone on without the learners
         self.bounds = self._worlds.spec.bounds
         low, high = self.bounds.scaled
         self.spec = dataclasses.replace(self._worlds.spec, action_low=low, action_high=high)
@@ -117,6 +114,7 @@ class Hosted:
             keys = _step_keys(key, step, self._config.num_envs)
             return _acts(self.learner, keys[:, START], *_parted(learner), observation)
 
+        self._left = False
         action = jax.jit(jax.vmap(act))(self._keys, learner, observation)
         self._action = np.asarray(self._all_carried_out(action))
         return HostState(learner, jnp.asarray(observation), action, jnp.asarray(step, dtype=int))
@@ -135,7 +133,9 @@ class Hosted:
         return in_world_units(cap(action, self.spec.bounds), self.bounds)
 
     def advance(self, state: HostState, steps: int) -> HostState:
-        """That many steps of each learner on."""
+        """That many steps of each learner on; in new episodes where the worlds have been left."""
+        if self._left:
+            state = self.resume(state, int(state.steps))
         leaves, structure = jax.tree.flatten(state)
         # The leaves go in and out by themselves: to flatten records at each step costs as much time
         # as a step of a small world.
@@ -185,8 +185,12 @@ class Hosted:
         return dataclasses.replace(state, learner=learners)
 
     def play(self, learners: PyTree, episodes: int, seed: int) -> Played:
-        """Episodes of the mean policies in worlds of their own; their seeds are no learner's."""
-        worlds, num = self._evaluated, self._evaluated.num
+        """Episodes of the mean policies, with seeds that are no learner's.
+
+        They are played in worlds of their own, unless there are none.
+        """
+        self._left |= in_same_world(self._config)
+        worlds, num = self._judged, self._judged.num
         own = int(np.random.SeedSequence([seed, EVALUATION]).generate_state(1)[0])
         # The same episodes for all learners; of a vector environment each has several copies.
         copies = num // self._config.seeds
@@ -218,11 +222,6 @@ class Hosted:
         table = np.array([row[:least] for row in rows]).reshape(self._config.seeds, -1, 4)
         return without_lost(Played(*np.moveaxis(table[:, :episodes], -1, 0)), learners)
 
-    @functools.cached_property
-    def _evaluated(self) -> Any:
-        """A world for each learner; a vector environment has its own number, as in training."""
-        return self._opened(self._config.seeds)
-
     def _worth(self, learners: PyTree, observation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         shaped = observation.reshape(self._config.seeds, -1, observation.shape[-1])
         action, value = self._worths(learners, shaped)
@@ -239,8 +238,8 @@ class Hosted:
     def close(self) -> None:
         """Closes the worlds."""
         self._worlds.close()
-        if "_evaluated" in self.__dict__:
-            self._evaluated.close()
+        if not in_same_world(self._config):
+            self._judged.close()
 
 
 def _parted(learner: PyTree) -> tuple[PyTree, PyTree]:

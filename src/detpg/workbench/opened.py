@@ -1,6 +1,5 @@
 """A run that was trained, opened again: its policies, and what they do."""
 
-import dataclasses
 from pathlib import Path
 from typing import Any, Literal
 
@@ -14,11 +13,11 @@ from detpg.integrations.gymnasium.filming import Film
 from detpg.runs import RunDirectoryError, read_arrays
 from detpg.types import Bounds, Environment, EnvironmentSpec, Policy
 from detpg.workbench.config import Config
-from detpg.workbench.engines import engine_of, hosted_worlds, own_world
+from detpg.workbench.engines import hosted_worlds, judging, own_world
 from detpg.workbench.folder import found_config
 from detpg.workbench.learners import learner
 from detpg.workbench.own import needs_own, own_policy
-from detpg.workbench.play import Played
+from detpg.workbench.play import Played, finite_seeds
 from detpg.workbench.run import BEST, LAST
 from detpg.workbench.session import controller
 from detpg.workbench.tables import evaluations_table
@@ -46,7 +45,7 @@ class OpenedRun:
             path: The directory.
             policy: The user's own, or where it stands as FILE.py:NAME; code is never loaded from
                 a run.
-            world: The user's own, if it was given to `train_in`.
+            world: The user's own, if it was given to `train_in`; built with the run's options.
 
         Raises:
             RunDirectoryError: No run, or one with a policy of the user's that is not given.
@@ -95,8 +94,9 @@ class OpenedRun:
             RunDirectoryError: There is no such seed.
         """
         if seed is None:
-            self.learners(which)
-            return int(np.argmax(self._best_return))
+            fine = finite_seeds(self.learners(which), self.config.seeds)
+            known = np.flatnonzero(fine) if fine.any() else np.arange(self.config.seeds)
+            return int(known[np.argmax(self._best_return[known])])
         if not 0 <= seed < self.config.seeds:
             raise RunDirectoryError(
                 f"{self.path} has the seeds 0 to {self.config.seeds - 1}, not {seed}: give one of "
@@ -122,7 +122,7 @@ class OpenedRun:
                 "train with the name of one beside the data."
             )
         # The data are not needed any more, and may be elsewhere.
-        engine = engine_of(dataclasses.replace(self.config, data=None), self._own)
+        engine = judging(self.config, self._own)
         try:
             engine.use(self.learner)
             # Other episodes than those by which the best policies were chosen.

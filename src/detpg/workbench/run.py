@@ -18,6 +18,7 @@ from detpg.workbench.diagnosis import DivergedError, warnings
 from detpg.workbench.engines import engine_of
 from detpg.workbench.folder import CHECKPOINTS, opened
 from detpg.workbench.learners import learner
+from detpg.workbench.opening import how_judged
 from detpg.workbench.own import needs_own, own_policy
 from detpg.workbench.session import Interval, Kept, Session
 from detpg.workbench.tables import (
@@ -84,7 +85,7 @@ def train_in(
         path: The directory; made where it is missing.
         config: Of the run. Its steps may be more than those of an earlier session.
         own: The user's policy, or where it stands as FILE.py:NAME.
-        world: The user's own, where the configuration names none.
+        world: The user's own, as `Trainer` takes it, instead of the one that is named.
         started: Called once all that was named is known to be there.
         report: Called after every interval.
         should_stop: Asked after every interval; a run that is stopped is checkpointed first.
@@ -123,6 +124,7 @@ class _Recorder:
         self._told: set[tuple[int, str]] = set()
         engine = session.engine
         self._messages = [] if engine.exact else [f"{engine.spec.name}: {engine.resume_note}."]
+        self._messages += how_judged(config, is_compiled=engine.exact)
         self._returned: float | None = None
         until = self._resume()
         self._rows = read_table(path / METRICS, METRICS_SCHEMA, until).to_pylist()

@@ -138,8 +138,8 @@ class Session:
 
     def evaluate(self, rows: list[dict[str, Any]]) -> Played | None:
         """Plays the mean policies; what that tells is added to the rows of metrics."""
-        learners = self.learners
-        played = self.engine.play(learners, self.config.evaluation_episodes, self.config.seed)
+        learners, episodes = self.learners, self.config.evaluation_episodes
+        played = self.engine.play(learners, episodes, self.config.seed) if episodes else None
         changes = self._changes(learners)
         for row, change in zip(rows, changes):
             row["train/policy_change"] = float(change)

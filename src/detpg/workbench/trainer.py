@@ -19,6 +19,7 @@ from detpg.workbench.own import check_imported, import_module_of
 from detpg.workbench.session import Interval, Session
 
 CONFIG, STEP = "config", "step"
+OF_FOLDERS = ("steps", "checkpoint_every", "keep_checkpoints")
 OWN = "own"  # the kind of a policy that was given as an object
 
 
@@ -41,8 +42,9 @@ class Trainer:
 
         Args:
             algorithm: Registry name, such as "copdac-q".
-            environment: Registry name or Gymnasium id; an environment of `detpg.types`; or a
-                function that builds a `gymnasium.Env`.
+            environment: Registry name or Gymnasium id; an environment of `detpg.types` or its
+                class; or a class or function that builds a `gymnasium.Env`. Those that build one
+                are given `environment_options`.
             policy: One's own controller, or a kind: "mlp", "linear", "quadratic", "tiles".
             **settings: Hyper-parameters of the algorithm, and fields of `Config`.
 
@@ -52,14 +54,15 @@ class Trainer:
         kind = algorithm_class(algorithm)
         own = {*hyper_parameters(kind), *switches(kind)}
         options = {name: settings.pop(name) for name in list(settings) if name in own}
-        _check_shared(environment)
+        # Of a run in a folder: what they are, or would be beside other settings, is of no weight.
+        settings = {name: value for name, value in settings.items() if name not in OF_FOLDERS}
         named = isinstance(environment, str)
         if named:
             import_module_of(environment)
         self.config = Config.from_json(
             {
                 "algorithm": algorithm,
-                "environment": environment if named else type(environment).__name__,
+                "environment": environment if named else _name(environment),
                 "options": options,
                 "policy": policy if isinstance(policy, str) else OWN,
                 **settings,
@@ -192,15 +195,9 @@ class Trainer:
         return trainer
 
 
-def _check_shared(environment: Any) -> None:
-    """Refuses a world that is built already: to evaluate in it would disturb the training."""
-    import gymnasium
-
-    if isinstance(environment, gymnasium.Env | gymnasium.vector.VectorEnv):
-        raise ValueError(
-            f"The environment {environment} is built already, but evaluations need worlds of their "
-            "own: give its id, or a function that builds it."
-        )
+def _name(environment: Any) -> str:
+    """Of what is built or builds; it has no dot, colon or slash that means something."""
+    return str(getattr(environment, "__name__", type(environment).__name__))
 
 
 def _flat(settings: dict[str, Any]) -> dict[str, Any]:

@@ -48,7 +48,7 @@ def open_worlds(
         if value is not None and value < 1:
             raise ValueError(f"{name} = {value} is not usable: give 1 or more.")
     if isinstance(environment, gymnasium.Env | VectorEnv):
-        _check_built(environment, options, render_mode)
+        check_built(environment, options, render_mode)
         return _taken(environment, num, time_limit)
     made: list[Any] = []
     try:
@@ -111,9 +111,14 @@ def _taken(env: gymnasium.Env | VectorEnv, num: int, time_limit: int | None) -> 
     return worlds
 
 
-def _check_built(
+def check_built(
     env: gymnasium.Env | VectorEnv, options: Options | None, render_mode: str | None
 ) -> None:
+    """Refuses what can only be said before an environment is built.
+
+    Raises:
+        ValueError: Says what to give instead.
+    """
     if options:
         raise ValueError(
             f"The environment is built already and takes no {', '.join(options)}: give its id, or "
