@@ -87,8 +87,8 @@ def _judged(worlds: Any, config: Config, opened: Callable[[int], Any]) -> Any:
         return opened(worlds.num if is_batch else config.seeds)
     except ValueError as error:
         raise ValueError(
-            f"No second world can be opened for evaluations beside the one that trains ({error}): "
-            f"{IN_THE_SAME}."
+            "No second world can be opened for evaluations beside the one that trains "
+            f"({str(error).rstrip('.')}): {IN_THE_SAME}."
         ) from error
 
 

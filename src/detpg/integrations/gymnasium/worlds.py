@@ -58,9 +58,14 @@ def open_worlds(
             if isinstance(made[0], VectorEnv):
                 return _taken(made[0], num, time_limit)
         return PlainWorlds(made)
-    except ValueError:
+    except ValueError as error:
         for env in made:
             env.close()
+        if 0 < len(made) < num:
+            raise ValueError(
+                f"{num} worlds cannot be open at once ({str(error).rstrip('.')}): take fewer, with "
+                "seeds and num_envs 1 a single one."
+            ) from error
         raise
 
 
