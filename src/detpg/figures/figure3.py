@@ -28,6 +28,7 @@ FILES = (
     "sensitivity.png",
     "strike.png",
     "octopus.mp4",
+    "octopus.gif",
 )
 RULE = "mean"
 OURS, THEIRS = "#08306b", "0.55"
@@ -141,8 +142,9 @@ def _film(directory: Path) -> None:
     states, actions, steps = _strike(directory)
     pictures = list(octopus.frames(environment_of(ARMS[0]), states, actions))
     # Each frame stands for 5 units of time; the last one stays for a second and a half.
-    film = animate([*pictures, *[pictures[-1]] * 15], "mp4", fps=10)
-    write_atomically(directory / "octopus.mp4", lambda file: file.write(film))
+    for kind in ("mp4", "gif"):
+        film = animate([*pictures, *[pictures[-1]] * 15], kind, fps=10)
+        write_atomically(directory / f"octopus.{kind}", lambda file, film=film: file.write(film))
     shown = [pictures[min(round(part * steps), len(pictures) - 1)] for part in SHOWN_AT]
     with style():
         figure = new_figure(9, 3.1)
