@@ -103,7 +103,7 @@ def test_after_logged_data_what_there_is_can_be_looked_at(world, capsys):
     action, over = seen[:, :1], np.arange(40) % 10 == 9
     rows = {"observation": seen, "action": action, "reward": seen[:, 0], "truncated": over}
     rows["bounds"] = Bounds((-1.0,), (1.0,))
-    write("log.parquet", **rows, next_observation=seen, terminated=np.zeros(40, bool))
+    write("log.parquet", **rows, terminated=np.zeros(40, bool))
     flags = ("--data", "log.parquet", "--policy", "linear", "--output=-run")
     first, *lines = said(capsys, "train", "opdac", *world, *flags, *SMALL)
     assert first == "done: 20 steps in -run"
