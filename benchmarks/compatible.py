@@ -5,7 +5,6 @@ vector-Jacobian product. Beside it the same update with the m by n Jacobian writ
 """
 
 import dataclasses
-import os
 import time
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -56,9 +55,6 @@ def rows(wanted: tuple[str, ...]) -> Iterator[Row]:
 
 
 def _measure(name: str) -> Row:
-    # XLA would hand parts of a program to other threads, and wait for them where the cores are
-    # busy: 0.4 ms became 30. It reads this when it starts, which it has not in this process.
-    os.environ["NPROC"] = "1"
     return _row(name, *_pair(name))
 
 

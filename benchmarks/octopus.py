@@ -1,7 +1,6 @@
 """Environment steps per second of the octopus arm, against plain NumPy."""
 
 import functools
-import os
 import time
 from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
@@ -103,8 +102,6 @@ def _rate(task: Task, workers: int) -> tuple[float, float]:
 
 def _play(task: Task) -> float:
     """Plays once; returns how long the program took to compile."""
-    # One thread for each worker, see docs/decisions/0008. XLA reads this when it starts.
-    os.environ["NPROC"] = "1"
     play, compiling = _player(task)
     play()
     return compiling

@@ -1,5 +1,5 @@
 import pytest
-from tests.executors.tasks import die, fail, square
+from tests.executors.tasks import die, fail, square, threads
 
 from detpg.executors import InProcess, Processes, TaskError, WorkerLostError
 
@@ -47,3 +47,8 @@ def test_a_killed_worker_is_one_sentence():
 def test_no_tasks_is_no_work():
     with Processes(square, 1) as executor:
         assert list(executor.run([], [])) == []
+
+
+def test_a_worker_has_one_thread_of_xla():
+    with Processes(threads, 1) as executor:
+        assert list(executor.run([0], ["a"])) == [(0, "1")]

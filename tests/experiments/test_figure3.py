@@ -1,6 +1,7 @@
 """Figure 3's study: its design, its claims on made-up runs, shards that go on where they stood."""
 
 import dataclasses
+import re
 from pathlib import Path
 
 import jax.numpy as jnp
@@ -98,6 +99,18 @@ def test_claims_follow_the_runs():
     assert found["converged"].measured == 0.8
     assert found["converged"].num_diverged == 6
     assert found["never-slower"].verdict == "not reproduced"
+
+
+@pytest.mark.parametrize(("runs", "lanes"), [(1, 16), (10, 16), (20, 20)])
+def test_few_runs_fill_a_vector_of_the_processor(runs, lanes):
+    """What is computed has sixteen rows or more, what comes out one for each run."""
+    batch = octopus_shards._batch(lambda x, y: jnp.tanh(x) + y["z"])
+    numbers = jnp.arange(runs, dtype=float), {"z": jnp.ones(runs)}
+    (computed,) = re.findall(
+        r"stablehlo.tanh .* : tensor<(\d+)xf32>", batch.lower(*numbers).as_text()
+    )
+    assert int(computed) == lanes
+    np.testing.assert_allclose(batch(*numbers), np.tanh(np.arange(runs)) + 1, rtol=1e-6)
 
 
 SHORT = dataclasses.replace(ARMS[0], options=(*ARMS[0].options, ("time_limit", 10)))

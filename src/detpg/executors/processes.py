@@ -5,6 +5,7 @@ thread pool can wait for itself for ever on batched CPU programs (docs/decisions
 """
 
 import multiprocessing
+import os
 import signal
 import traceback
 from collections.abc import Callable, Hashable, Iterator, Sequence
@@ -22,6 +23,9 @@ class TaskError(RuntimeError):
 
 def _serve(work: Callable[[Any], Any], connection: Connection) -> None:
     """Answers tasks until the parent closes its end, or dies: then this process ends too."""
+    # One thread of XLA, which reads this when it starts: it would hand parts of a program to other
+    # threads, and wait for them where the cores are busy (docs/decisions/0008).
+    os.environ["NPROC"] = "1"
     try:
         while True:
             task = connection.recv()

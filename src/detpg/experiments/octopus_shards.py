@@ -25,6 +25,8 @@ from detpg.types import Algorithm, Policy
 FURTHER = ("return",)
 POLICY = "policy.npz"
 HIDDEN, VALUE_UNITS = 8, 40  # Section 5.3
+# Numbers in the widest vector of a processor. Fewer runs go one by one: ten take longer than 16.
+LANES = 16
 
 
 # Options of an arm that are the environment's or the policy's, not the algorithm's.
@@ -129,10 +131,19 @@ def _programs(
         state, _ = train(learner, environment, train_key, steps, start=state)
         return state, episode(learner, environment, play_key, state.learner)
 
-    def batch(one: Callable[..., Any]) -> Callable[..., Any]:
-        return jax.jit(jax.vmap(one), compiler_options=COMPILER_OPTIONS)
+    return _batch(start), _batch(learn)
 
-    return batch(start), batch(learn)
+
+def _batch(one: Callable[..., Any]) -> Callable[..., Any]:
+    """A function of one run for many, compiled: few are repeated until they fill a vector."""
+
+    def many(*of_runs: Any) -> Any:
+        size = len(jax.tree.leaves(of_runs)[0])
+        runs = jnp.arange(max(size, LANES)) % size
+        filled = jax.vmap(one)(*jax.tree.map(lambda leaf: leaf[runs], of_runs))
+        return jax.tree.map(lambda leaf: leaf[:size], filled)
+
+    return jax.jit(many, compiler_options=COMPILER_OPTIONS)
 
 
 def _keep(path: str | None, states: TrainState, seen: list[np.ndarray]) -> None:
