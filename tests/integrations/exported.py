@@ -81,7 +81,7 @@ def wrapped(algorithm, normalised=False, spec=SPEC):
     if not normalised:
         return Controller(algorithm, drawn(algorithm.init(jax.random.key(0))), spec.bounds)
     algorithm = Normalised.create(spec, algorithm=algorithm)
-    seen = Moments(jnp.asarray(9.0), jnp.asarray([0.1, -3.0, 500.0]), jnp.asarray([1.0, 90, 1e-3]))
+    seen = Moments.of(9, jnp.asarray([0.1, -3.0, 500.0]), jnp.asarray([1 / 3, 10**0.5, 1e-2]))
     state = drawn(algorithm.init(jax.random.key(0)))
     state = dataclasses.replace(state, observations=seen)
     return Controller(algorithm, state, spec.bounds)

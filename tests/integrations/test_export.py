@@ -68,7 +68,7 @@ def test_the_whole_pipeline_by_hand(kind, tmp_path):
     learner = Normalised.create(SPEC, algorithm=learner)
     state = learner.init(jax.random.key(0))
     inner = dataclasses.replace(state.learner, theta=jnp.asarray(theta))
-    seen = Moments(jnp.asarray(4.0), jnp.asarray([1.0, 2, 3]), jnp.asarray([4.0, 16, 36]))
+    seen = Moments.of(4, jnp.asarray([1.0, 2, 3]), jnp.asarray([1.0, 2, 3]))
     state = dataclasses.replace(state, learner=inner, observations=seen)
     metered = Metered(Normalised.create(SPEC, algorithm=learner.algorithm), bounds)
     meter = metered.init(jax.random.key(0))

@@ -11,11 +11,10 @@ from detpg.algorithms import ALGORITHMS
 from detpg.environments import LQR, QuadraticBandit, ScaledActions
 from detpg.testing import check_algorithm
 from detpg.training import begin, train
-from detpg.types import Bounds, Transition
+from detpg.types import Bounds, Number, Transition, strong
 from detpg.wrappers import (
     Controller,
     Metered,
-    Moments,
     Normalised,
     of_each_world,
     several_worlds,
@@ -32,15 +31,6 @@ INCREMENTAL = [name for name in ALGORITHMS if not name.startswith("bandit")]
 def test_a_wrapped_learner_is_a_learner(name, wrapper):
     spec = LQR().spec
     check_algorithm(wrapper.create(spec, algorithm=ALGORITHMS[name].create(spec)), LQR())
-
-
-def test_moments_are_those_of_numpy(x64):
-    values = np.random.default_rng(0).normal(5, 3, (50, 2))
-    moments = Moments.none((2,))
-    for value in values:
-        moments = moments.add(jnp.asarray(value))
-    np.testing.assert_allclose(moments.mean, values.mean(axis=0), rtol=1e-12)
-    np.testing.assert_allclose(moments.deviation, values.std(axis=0), rtol=1e-8)
 
 
 def test_nothing_counts_before_there_are_two_values():
@@ -90,24 +80,31 @@ def test_what_lies_far_out_is_cut_off():
     assert learner.seen(state, jnp.asarray([1e6, -1e6])).tolist() == [10.0, -10.0]
 
 
-def test_scaling_the_world_changes_nothing():
-    """Observations times 1000 and shifted: the normalised learner does the same.
+class InUnits(LQR):
+    """The same world, told in other units of observations and rewards."""
 
-    The shift is a power of two and the scale too, so that rounding is the same.
-    """
+    unit: Number
 
-    class Elsewhere(LQR):
-        def observe(self, state):
-            return 1024.0 * super().observe(state)
+    def __init__(self, unit=1.0):
+        super().__init__()
+        self.unit = strong(unit)
 
-    def learnt(world):
-        inner = ALGORITHMS["opdac"].create(world.spec)
-        learner = Normalised.create(world.spec, algorithm=inner)
-        state, _ = jax.jit(lambda key: train(learner, world, key, 50))(KEY)
-        return state.learner.learner.theta
+    def observe(self, state):
+        return self.unit * super().observe(state)
 
-    np.testing.assert_allclose(learnt(Elsewhere()), learnt(LQR()), rtol=1e-3)
-    assert not np.allclose(learnt(LQR()), 0.0)
+    def reward(self, state, action, next_state):
+        return self.unit * super().reward(state, action, next_state)
+
+
+def test_the_same_is_learnt_in_other_units():
+    inner = ALGORITHMS["opdac"].create(LQR().spec, alpha_theta=0.01, alpha_w=0.01)
+    learner = Normalised.create(LQR().spec, algorithm=inner, rewards=True)
+    learnt = jax.jit(lambda world: train(learner, world, KEY, 200)[0].learner.learner)
+    wanted = learnt(InUnits())
+    assert np.abs(wanted.theta).max() > 1e-3
+    for unit in (1e-12, 1e-7, 1e-3, 1e3, 1e7, 1e12):
+        found = learnt(InUnits(unit=unit))
+        np.testing.assert_allclose(found.theta, wanted.theta, rtol=1e-3, atol=1e-6)
 
 
 def test_batch_learners_are_refused():

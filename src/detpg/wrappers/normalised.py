@@ -5,7 +5,7 @@ from typing import Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float, PRNGKeyArray, PyTree
+from jaxtyping import Array, Float, Int32, PRNGKeyArray, PyTree
 
 from detpg.algorithms.parts import incremental
 from detpg.types import (
@@ -19,37 +19,83 @@ from detpg.types import (
     hyper,
     of_episode,
 )
+from detpg.wrappers.sums import Sum
 
 MOST = 10.0  # standard deviations: what lies further out is cut off
-LEAST_VARIANCE = 1e-8
-UNKNOWN = 1e18  # in place of a deviation; finite, also its square
+# In place of deviations of 0 and of those that are not known: finite, as are their quotients with
+# observations in any unit that float32 holds.
+LEAST, UNKNOWN = 2.0**-120, 2.0**120
+LONGEST = 2**31 - 1  # values after which the oldest begin to fade
 
 
 class Moments(eqx.Module):
-    """Mean and sum of squared deviations of what was seen so far (Welford, 1962)."""
+    """Mean and standard deviation of what was seen so far, in any unit (docs/decisions/0036).
 
-    count: Number
-    mean: Float[Array, "..."]
-    squares: Float[Array, "..."]
+    Attributes:
+        count: Number of values, up to `LONGEST`; from there on each new one weighs as much as the
+            last of those.
+        centre: Their mean.
+        spread: Their standard deviation, not its square, which would leave the range of float32.
+    """
+
+    count: Int32[Array, ""]
+    centre: Sum
+    spread: Sum
 
     @classmethod
     def none(cls, shape: tuple[int, ...]) -> "Moments":
         """Before anything was seen."""
-        return cls(jnp.zeros(()), jnp.zeros(shape), jnp.zeros(shape))
+        return cls.of(0, jnp.zeros(shape), jnp.zeros(shape))
+
+    @classmethod
+    def of(cls, count: int, mean: Float[Array, "..."], deviation: Float[Array, "..."]) -> "Moments":
+        """As if that many values had been seen."""
+        known = jnp.asarray(min(count, LONGEST), jnp.int32)
+        return cls(known, Sum.of(mean), Sum.of(deviation))
 
     def add(self, value: Float[Array, "..."]) -> "Moments":
-        """With one more value."""
-        count = self.count + 1
-        deviation = value - self.mean
-        mean = self.mean + deviation / count
-        return Moments(count, mean, self.squares + deviation * (value - mean))
+        """With one more value; its gain g is 1 / count.
+
+        mean <- mean + g d, variance <- (1 - g) (variance + g d^2), where d = value - mean.
+        """
+        count = jnp.where(self.count < LONGEST, self.count + 1, self.count)
+        gain = 1 / count.astype(value.dtype)
+        away = (value - self.centre.value) - self.centre.rest
+        spread = self.spread.add(_growth(self.spread.value, away, gain))
+        return Moments(count, self.centre.add(gain * away), spread)
+
+    @property
+    def mean(self) -> Float[Array, "..."]:
+        """The mean."""
+        return self.centre.value
 
     @property
     def deviation(self) -> Float[Array, "..."]:
-        """The standard deviation; immense before two values were seen, so that all counts 0."""
-        variance = self.squares / jnp.maximum(self.count, 1.0)
-        known = jnp.where(self.count < 2, jnp.full_like(variance, UNKNOWN**2), variance)
-        return jnp.sqrt(known + LEAST_VARIANCE)
+        """The standard deviation; immense before two values were seen, so that all counts 0.
+
+        It is at least the rounding of the values themselves, so that what is constant but for its
+        last bit stays small.
+        """
+        spread = self.spread.value
+        rounding = jnp.finfo(spread.dtype).eps * jnp.abs(self.mean)
+        known = jnp.maximum(jnp.maximum(spread, rounding), LEAST)
+        return jnp.where(self.count < 2, jnp.full_like(spread, UNKNOWN), known)
+
+
+def _growth(
+    spread: Float[Array, "..."], away: Float[Array, "..."], gain: Number
+) -> Float[Array, "..."]:
+    """By how much the deviation grows with one more value, at that distance from the mean.
+
+    sigma' - sigma = (sigma'^2 - sigma^2) / (sigma' + sigma), in units of the larger of sigma and
+    the distance: no square leaves the range, and no difference of large numbers is taken.
+    """
+    unit = jnp.maximum(spread, jnp.abs(away))
+    unit = jnp.where(unit == 0, jnp.ones_like(unit), unit)
+    old, new = (spread / unit) ** 2, (away / unit) ** 2
+    total = jnp.sqrt((1 - gain) * (old + gain * new)) + spread / unit
+    known = jnp.where(total == 0, jnp.ones_like(total), total)
+    return unit * (gain * ((1 - gain) * new - old) / known)
 
 
 class NormalisedState(eqx.Module):
