@@ -10,11 +10,12 @@ import subprocess
 import sys
 import textwrap
 from pathlib import Path
+from typing import Any, get_args
 
 from detpg.algorithms import ALGORITHMS
 from detpg.experiments import STUDIES
 from detpg.experiments.study import Study
-from detpg.types import Algorithm, hyper_parameters
+from detpg.types import Algorithm, hyper_parameters, switches
 
 DOCS = Path(__file__).resolve().parent
 COMMANDS: tuple[tuple[str, ...], ...] = (
@@ -85,7 +86,24 @@ def hyper_table(algorithm: type[Algorithm]) -> list[str]:
         "| name | meaning | default | least | greatest |",
         "| --- | --- | --- | --- | --- |",
         *rows,
+        *switch_table(algorithm),
     ]
+
+
+def switch_table(algorithm: type[Algorithm]) -> list[str]:
+    """Options that are no real numbers; nothing where there are none."""
+    rows = [
+        f"| `{key}` | {field.metadata['switch']} | `{field.default}` | {choices(field.type)} |"
+        for key, field in switches(algorithm).items()
+    ]
+    head = ["", "| switch | what it does | default | choices |", "| --- | --- | --- | --- |"]
+    return [*head, *rows] if rows else []
+
+
+def choices(kind: Any) -> str:
+    if kind is int:
+        return "whole numbers"
+    return ", ".join(f"`{choice}`" for choice in get_args(kind) or (False, True))
 
 
 def updates() -> str:

@@ -1,11 +1,25 @@
+import dataclasses
 import math
+import re
+from typing import Literal
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import pytest
 
-from detpg.types import Hyper, Width, check_hyper, hyper, hyper_parameters, strong
+from detpg.algorithms import ALGORITHMS
+from detpg.checks import check_choices
+from detpg.types import (
+    Hyper,
+    Width,
+    check_hyper,
+    hyper,
+    hyper_parameters,
+    strong,
+    switch,
+    switches,
+)
 
 
 class Record(eqx.Module):
@@ -23,6 +37,49 @@ def test_hyper_parameters_are_leaves_in_order_of_declaration_with_their_records(
         "sigma": Hyper("width", 1.0, 1e-3, 3.0),
     }
     assert [float(leaf) for leaf in jax.tree.leaves(Record(sigma=2.0))] == [0.5, 2.0]
+
+
+class Switched(eqx.Module):
+    kept: bool = switch("keep it", False)
+    batch: int = switch("transitions of an update", 128)
+    form: Literal["plain", "scaled"] = switch("of the gradient", "plain")
+
+    def __check_init__(self):
+        check_choices(self)
+
+
+def test_switches_are_static_and_say_what_they_do():
+    found = {n: (f.type, f.default, f.metadata["switch"]) for n, f in switches(Switched).items()}
+    assert found == {
+        "kept": (bool, False, "keep it"),
+        "batch": (int, 128, "transitions of an update"),
+        "form": (Literal["plain", "scaled"], "plain", "of the gradient"),
+    }
+    assert jax.tree.leaves(Switched(batch=3)) == []
+    assert switches(Switched(kept=True)).keys() == switches(Switched).keys()
+
+
+@pytest.mark.parametrize(
+    ("option", "words"),
+    [
+        ({"kept": 1}, "kept 1 is unknown: choose one of True, False."),
+        ({"batch": 2.5}, "batch = 2.5 is no whole number: give one, such as 10."),
+        ({"batch": True}, "batch = True is no whole number: give one, such as 10."),
+        ({"form": "both"}, "form 'both' is unknown: choose one of plain, scaled."),
+    ],
+)
+def test_a_switch_that_cannot_be_is_refused(option, words):
+    with pytest.raises(ValueError, match=f"^{re.escape(words)}$"):
+        Switched(**option)
+
+
+@pytest.mark.parametrize("name", ALGORITHMS)
+def test_every_static_option_of_an_algorithm_is_a_switch_that_says_what_it_does(name):
+    kind = ALGORITHMS[name]
+    options = {f.name for f in dataclasses.fields(kind) if f.metadata.get("static")}
+    parts = {"policy", "action_value", "state_value", "features", "bounds", "action_size"}
+    assert options - parts == set(switches(kind))
+    assert all(len(field.metadata["switch"]) > 5 for field in switches(kind).values())
 
 
 @pytest.mark.parametrize("value", [0.25, 1, jnp.asarray(0.25), jnp.asarray(1)])

@@ -35,6 +35,9 @@ def check_options(record: type[Any], options: Mapping[str, Any]) -> None:
             raise ValueError(f"{field.name} {value!r} is unknown: choose one of {choices}.")
         if field.type is bool and not isinstance(value, bool):
             raise ValueError(f"{field.name} {value!r} is unknown: choose one of True, False.")
+        whole = isinstance(value, int) and not isinstance(value, bool)
+        if field.type is int and "switch" in field.metadata and not whole:
+            raise ValueError(f"{field.name} = {value!r} is no whole number: give one, such as 10.")
 
 
 def check_theta(policy: Policy, theta: PyTree) -> None:

@@ -245,6 +245,21 @@ def hyper(doc: str, default: float, low: float, high: float) -> Any:
     return eqx.field(default=default, converter=strong, metadata={"hyper": known})
 
 
+def switch(doc: str, default: bool | int | str) -> Any:
+    """An option that is part of a learner's structure: a static field, bool, int or `Literal`.
+
+    Args:
+        doc: One line: what it does, or what the words or the number mean.
+        default: Value when none is given.
+    """
+    return eqx.field(static=True, default=default, metadata={"switch": doc})
+
+
+def switches(record: Any) -> dict[str, Any]:
+    """Fields made by `switch`, of a record or its class; `metadata["switch"]` says what it does."""
+    return {f.name: f for f in dataclasses.fields(record) if "switch" in f.metadata}
+
+
 def hyper_parameters(record: Any) -> dict[str, Hyper]:
     """The hyper-parameters of a record or of its class, in order of declaration."""
     fields = dataclasses.fields(record)

@@ -17,8 +17,8 @@ import pytest
 from detpg import ALGORITHMS, ENVIRONMENTS, replaying
 from detpg.cli import main
 from detpg.runs import checkpoints, lock
+from detpg.types import switches
 from detpg.workbench import diagnosis
-from detpg.workbench.learners import switches
 from detpg.workbench.tables import EVALUATIONS_SCHEMA, METRICS_SCHEMA
 
 DOCS = Path(__file__).parents[2] / "docs"

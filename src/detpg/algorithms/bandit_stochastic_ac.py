@@ -9,12 +9,20 @@ from jaxtyping import PRNGKeyArray, PyTree
 
 from detpg import trees
 from detpg.actors.stochastic import likelihood_ratio_direction
-from detpg.checks import check_choices
+from detpg.algorithms.parts import validate
 from detpg.critics.regression import linear_regression
 from detpg.features.compatible import score
 from detpg.policies.constant import ConstantPolicy
 from detpg.policies.gaussian import GaussianParameters, IsotropicGaussian
-from detpg.types import Action, EnvironmentSpec, Number, Observation, Transition, check_hyper, hyper
+from detpg.types import (
+    Action,
+    EnvironmentSpec,
+    Number,
+    Observation,
+    Transition,
+    hyper,
+    switch,
+)
 
 Actor = Literal["score-times-q", "score-times-advantage"]
 
@@ -26,12 +34,7 @@ class BanditStochasticACState(eqx.Module):
 
 
 class BanditStochasticACInfo(eqx.Module):
-    """Diagnostics of one update.
-
-    Attributes:
-        value: Bias of the critic: the reward expected of the policy.
-        sigma: Standard deviation of the policy before the update, action units.
-    """
+    """Diagnostics: the critic's bias, which is the reward expected of the policy; its width."""
 
     value: Number
     sigma: Number
@@ -46,23 +49,21 @@ class BanditStochasticAC(eqx.Module):
             batch mean equals that of the raw reward, so that the learner is REINFORCE; this fits
             the published curve. "score-times-advantage": phi^T w alone, the bias is a baseline.
         fixed_variance: Adapt the mean only (static): the control of Section 5.1.
-        alpha_theta: Step size of the mean.
-        alpha_y: Step size of the log-variance; not read when the variance is fixed.
+        alpha_theta, alpha_y: Step sizes of the mean and of the log-variance.
         sigma: Initial standard deviation, y_0 = 2 log sigma.
     """
 
     equations: ClassVar[str] = "Section 5.1; 2, 3"
 
     policy: IsotropicGaussian = eqx.field(static=True)
-    actor: Actor = eqx.field(static=True, default="score-times-q")
-    fixed_variance: bool = eqx.field(static=True, default=False)
+    actor: Actor = switch("what the score is multiplied by", "score-times-q")
+    fixed_variance: bool = switch("adapt the mean alone, not the variance", False)
     alpha_theta: Number = hyper("step size of the mean", 0.01, 0.0, 1e6)
     alpha_y: Number = hyper("step size of the log-variance", 0.001, 0.0, 1e6)
     sigma: Number = hyper("initial standard deviation, action units", 1.0, 1e-6, 1e6)
 
     def __check_init__(self):
-        check_choices(self)
-        check_hyper(self)
+        validate(self)
 
     @classmethod
     def create(cls, spec: EnvironmentSpec, **options: Any) -> "BanditStochasticAC":

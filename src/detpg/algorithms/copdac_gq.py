@@ -25,6 +25,7 @@ from detpg.types import (
     Width,
     hyper,
     of_episode,
+    switch,
 )
 
 
@@ -45,8 +46,7 @@ class COPDACGQ(eqx.Module):
     Attributes:
         policy, state_value, bounds, capped, natural: As in COPDAC-Q (static).
         correction: "full": GQ on all of psi (docs/decisions/0012); "printed": u alone (static).
-        gamma: Discount factor.
-        alpha_theta, alpha_w, alpha_v: Step sizes of actor, advantage and state value.
+        gamma, alpha_theta, alpha_w, alpha_v: Discount; steps of actor, advantage, state value.
         alpha_u: Step size of the auxiliary weights; alpha_u |psi|^2 must stay below 2.
         sigma, correlation: Of the behaviour's noise; unequal widths as in docs/decisions/0018.
     """
@@ -57,9 +57,9 @@ class COPDACGQ(eqx.Module):
     policy: Policy = eqx.field(static=True)
     state_value: StateValue = eqx.field(static=True)
     bounds: Bounds = eqx.field(static=True)
-    capped: bool = eqx.field(static=True, default=False)
-    correction: Literal["full", "printed"] = eqx.field(static=True, default="full")
-    natural: bool = eqx.field(static=True, default=False)
+    capped: bool = switch("the critic sees the action as capped by the world, not as drawn", False)
+    correction: Literal["full", "printed"] = switch("GQ of Q and V, or as printed", "full")
+    natural: bool = switch("the actor follows w itself, the natural gradient, not eq. 24", False)
     gamma: Number = hyper("discount factor", 0.99, 0.0, 1.0)
     alpha_theta: Number = hyper("step size of the actor", 1e-3, 0.0, 1e6)
     alpha_w: Number = hyper("step size of the advantage", 1e-1, 0.0, 1e6)

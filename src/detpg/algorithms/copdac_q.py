@@ -24,6 +24,7 @@ from detpg.types import (
     Width,
     hyper,
     of_episode,
+    switch,
 )
 
 
@@ -51,8 +52,7 @@ class COPDACQ(eqx.Module):
         policy: mu_theta (static).
         state_value: V^v, any differentiable baseline (static).
         bounds: Of the legal actions (static).
-        capped: phi sees the action as the world caps it, not as it was drawn (static).
-        natural: Take theta + alpha_theta w, the natural gradient, instead of eq. 20 (static).
+        capped, natural: As their fields say (static).
         gamma: Discount factor.
         alpha_theta: Step size of the actor.
         alpha_w: Step size of the advantage; scales like 1 / sigma^2.
@@ -67,8 +67,8 @@ class COPDACQ(eqx.Module):
     policy: Policy = eqx.field(static=True)
     state_value: StateValue = eqx.field(static=True)
     bounds: Bounds = eqx.field(static=True)
-    capped: bool = eqx.field(static=True, default=False)
-    natural: bool = eqx.field(static=True, default=False)
+    capped: bool = switch("the critic sees the action as capped by the world, not as drawn", False)
+    natural: bool = switch("the actor follows w itself, the natural gradient, not eq. 20", False)
     gamma: Number = hyper("discount factor", 0.99, 0.0, 1.0)
     alpha_theta: Number = hyper("step size of the actor", 1e-3, 0.0, 1e6)
     alpha_w: Number = hyper("step size of the advantage", 1e-1, 0.0, 1e6)

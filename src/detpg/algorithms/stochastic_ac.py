@@ -20,6 +20,7 @@ from detpg.types import (
     Transition,
     hyper,
     of_episode,
+    switch,
 )
 
 
@@ -48,8 +49,7 @@ class StochasticAC(eqx.Module):
     Attributes:
         features: x(s), of the mean, the width and the value (static).
         action_size: m (static).
-        gradient: "plain", or "scaled" by sigma^2 (static).
-        fixed_std: Leave the width at sigma0 (static).
+        gradient, fixed_std: As their fields say (static).
         gamma: Discount factor.
         lambda_: Trace decay of actor and critic; 0: no traces.
         alpha_u: Step size of the mean.
@@ -63,8 +63,8 @@ class StochasticAC(eqx.Module):
 
     features: Features = eqx.field(static=True)
     action_size: int = eqx.field(static=True)
-    gradient: Gradient = eqx.field(static=True, default="plain")
-    fixed_std: bool = eqx.field(static=True, default=False)
+    gradient: Gradient = switch("of the Gaussian: plain, or scaled by sigma^2", "plain")
+    fixed_std: bool = switch("leave the width at sigma0", False)
     gamma: Number = hyper("discount factor", 0.99, 0.0, 1.0)
     lambda_: Number = hyper("trace decay; 0: no traces", 0.0, 0.0, 1.0)
     alpha_u: Number = hyper("step size of the mean", 2e-4, 0.0, 1e6)

@@ -110,9 +110,8 @@ def _train(command: Any) -> None:
 def _settings(command: Any) -> dict[str, Any]:
     """Settings of the file, and over them the flags."""
     from detpg.algorithms import ALGORITHMS
-    from detpg.types import hyper_parameters
+    from detpg.types import hyper_parameters, switches
     from detpg.workbench.config import TUNED, read_settings
-    from detpg.workbench.learners import switches
 
     kind = ALGORITHMS[command.algorithm]
     of_algorithm = {*hyper_parameters(kind), *switches(kind)}

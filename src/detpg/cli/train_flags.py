@@ -110,21 +110,22 @@ def _flags(name: str, kind: Any, run: Callable[[Any], None]) -> type:
 
 
 def _own(kind: Any) -> dict[str, tuple[Any, str]]:
-    """The algorithm's own: numbers from `hyper`, switches from its static fields."""
-    from detpg.types import Width, hyper_parameters
-    from detpg.workbench.learners import switches
+    """The algorithm's own: numbers from `hyper`, switches from `switch`."""
+    from detpg.types import Width, hyper_parameters, switches
 
     types = {field.name: field.type for field in dataclasses.fields(kind)}
     flags: dict[str, tuple[Any, str]] = {}
     for name, known in hyper_parameters(kind).items():
         type_ = tuple[float, ...] if types[name] is Width else float
         default = "the environment's" if name == "gamma" else f"{known.default:g}"
-        words = f"{known.doc[:1].upper()}{known.doc[1:]} (default: {default})."
-        flags[name] = (type_, words)
-    for name, (type_, default) in switches(kind).items():
-        words = f"Switch of the algorithm, see its page (default: {default})."
-        flags[name] = (type_, words)
+        flags[name] = (type_, _help(known.doc, default))
+    for name, field in switches(kind).items():
+        flags[name] = (field.type, _help(field.metadata["switch"], field.default))
     return flags
+
+
+def _help(doc: str, default: Any) -> str:
+    return f"{doc[:1].upper()}{doc[1:]} (default: {default})."
 
 
 def _unset(type_: Any) -> Any:

@@ -15,7 +15,7 @@ from detpg.critics import (
 from detpg.features import TileCoding
 from detpg.features.quadratic import QuadraticFeatures
 from detpg.policies import FeaturePolicy, LinearPolicy, MLPPolicy
-from detpg.types import Algorithm, EnvironmentSpec, Features, Policy, hyper_parameters
+from detpg.types import Algorithm, EnvironmentSpec, Features, Policy, hyper_parameters, switches
 from detpg.workbench.config import Config
 from detpg.workbench.sizes import check_size, check_tiles
 from detpg.wrappers import Metered, Normalised
@@ -52,16 +52,6 @@ def parts_of(algorithm: type[Algorithm]) -> tuple[str, ...]:
     """Which parts it is made of, among policy, action_value, state_value, features."""
     names = [field.name for field in dataclasses.fields(typing.cast("Any", algorithm))]
     return tuple(n for n in ("policy", "action_value", "state_value", "features") if n in names)
-
-
-def switches(algorithm: type[Algorithm]) -> dict[str, tuple[Any, Any]]:
-    """Name -> (type, default) of its options that are no numbers: bool or Literal fields."""
-    fields = dataclasses.fields(typing.cast("Any", algorithm))
-    return {
-        f.name: (f.type, f.default)
-        for f in fields
-        if f.type is bool or typing.get_origin(f.type) is typing.Literal
-    }
 
 
 def learner(config: Config, spec: EnvironmentSpec, own: Policy | None = None) -> Algorithm:

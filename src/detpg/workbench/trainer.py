@@ -10,11 +10,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from detpg.runs import RunDirectoryError, numbered, plain, read_arrays, typed, write_arrays
-from detpg.types import Policy, hyper_parameters
+from detpg.types import Policy, hyper_parameters, switches
 from detpg.workbench.config import Config
 from detpg.workbench.diagnosis import DivergedError
 from detpg.workbench.engines import engine_of
-from detpg.workbench.learners import algorithm_class, learner, switches
+from detpg.workbench.learners import algorithm_class, learner
 from detpg.workbench.own import check_imported, import_module_of
 from detpg.workbench.session import Interval, Session
 
