@@ -1,16 +1,19 @@
 """How all tests run: types and shapes checked, promotions strict, XLA without its own threads."""
 
+import importlib.metadata
 import os
 from pathlib import Path
 
 # Set in the environment, so that worker processes and commands that tests start do the same. XLA's
 # thread pool can wait for ever on a batched program where there are two cores. Nearly all of the
 # time would go into compiling: code that is fast is not needed, and no program is compiled twice.
-# XLA's older emitters take a third of the newer ones' time for it (docs/decisions/0040).
+# XLA's older emitters, where it still has them, take a third of the newer ones' time for it
+# (docs/decisions/0040).
 os.environ["XLA_FLAGS"] = (
-    os.environ.get("XLA_FLAGS", "")
-    + " --xla_cpu_multi_thread_eigen=false --xla_cpu_use_fusion_emitters=false"
+    f"{os.environ.get('XLA_FLAGS', '')} --xla_cpu_multi_thread_eigen=false"
 ).strip()
+if importlib.metadata.version("jaxlib").startswith(("0.8.", "0.9.", "0.10.")):
+    os.environ["XLA_FLAGS"] += " --xla_cpu_use_fusion_emitters=false"
 os.environ.setdefault("JAX_DISABLE_MOST_OPTIMIZATIONS", "1")
 os.environ.setdefault(
     "JAX_COMPILATION_CACHE_DIR", str(Path(__file__).parents[1] / "build" / "test-cache" / "jax")
