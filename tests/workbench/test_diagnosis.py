@@ -98,7 +98,7 @@ def told(path, **changes):
 
 def test_a_learner_that_cannot_move_is_told_so_once_for_each_seed(tmp_path):
     options = {"alpha_theta": 0.0, "sigma": 0.0}
-    found = told(tmp_path / "run", options=options, seeds=2, policy="linear", value="quadratic")
+    found = told(tmp_path / "run", options=options, seeds=2, hidden=(2,), value="quadratic")
     kinds = ["actions hardly differ from the mean action", "the policy changed by less than"]
     for seed in (0, 1):
         own = [words for words in found if words.startswith(f"seed {seed}: ")]

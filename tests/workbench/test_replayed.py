@@ -132,7 +132,7 @@ def test_data_of_another_world_are_refused(data):
 
 @pytest.mark.parametrize("name", ["dac", "stochastic-ac", "offpac"])
 def test_learners_that_it_would_mislead_are_refused(data, name, tmp_path):
-    gaussian = {} if name == "dac" else {"policy": "quadratic"}
+    fitting = {"policy": "mlp" if name == "dac" else "quadratic"}
     with pytest.raises(ValueError, match=r"cannot learn from logged data, since .*: take opdac"):
-        train_in(tmp_path / "run", config(data, name, **gaussian))
+        train_in(tmp_path / "run", config(data, name, **fitting))
     assert not (tmp_path / "run").exists()

@@ -8,8 +8,9 @@ from jaxtyping import PRNGKeyArray, PyTree
 
 from detpg import trees
 from detpg.actors.deterministic import deterministic_direction
-from detpg.algorithms.parts import checked, incompatible_parts, incremental, validate
+from detpg.algorithms.parts import check_moves, checked, incompatible_parts, incremental, validate
 from detpg.critics.td import td_error
+from detpg.policies.mlp import MLPPolicy
 from detpg.types import (
     Action,
     ActionValue,
@@ -61,8 +62,15 @@ class DAC(eqx.Module):
 
     @classmethod
     def create(cls, spec: EnvironmentSpec, **options: Any) -> "DAC":
-        """The learner for an environment; a linear policy and a quadratic critic unless given."""
-        return cls(**checked(spec, incompatible_parts(spec) | options))
+        """The learner for an environment; a network and a quadratic critic unless given.
+
+        Raises:
+            ValueError: Parts that do not fit, or that would never leave where they start.
+        """
+        network = MLPPolicy(spec.observation_size, spec.action_size)
+        parts = checked(spec, incompatible_parts(spec) | {"policy": network} | options)
+        check_moves(spec, parts)
+        return cls(**parts)
 
     def init(self, key: PRNGKeyArray) -> DACState:
         theta_key, w_key = jax.random.split(key)

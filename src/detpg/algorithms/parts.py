@@ -7,6 +7,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, PRNGKeyArray
 
+from detpg import trees
+from detpg.actors.deterministic import deterministic_direction
 from detpg.checks import check_action, check_choices, check_value, shape_of
 from detpg.critics.action_values import QuadraticActionValue
 from detpg.critics.state_values import QuadraticStateValue
@@ -20,11 +22,13 @@ from detpg.types import (
     Bounds,
     EnvironmentSpec,
     Observation,
+    Policy,
     Transition,
     check_hyper,
 )
 
 NUM_TRIED = 32  # actions at which a critic's slope is looked at
+NUM_UPDATES = 4  # of a critic, after which it has a slope or never will
 
 
 def incompatible_parts(spec: EnvironmentSpec) -> dict[str, Any]:
@@ -138,6 +142,40 @@ def checked(spec: EnvironmentSpec, parts: dict[str, Any]) -> dict[str, Any]:
     return parts
 
 
+def check_moves(spec: EnvironmentSpec, parts: dict[str, Any]) -> None:
+    """Refuses a policy and a critic that stay where they start, without noise.
+
+    Raises:
+        ValueError: All first actions are 0, and from them the critic learns no slope
+            (docs/decisions/0037).
+    """
+    if not _moves(spec, parts["policy"], parts["action_value"]):
+        raise ValueError(
+            "The policy would never move: all its first actions are 0, and without noise the "
+            "critic learns from them no slope in a; give a policy that starts elsewhere, such as "
+            "MLPPolicy (--policy mlp), or a critic that is a network, MLPActionValue (--value mlp)."
+        )
+
+
+def _moves(spec: EnvironmentSpec, policy: Policy, action_value: ActionValue) -> bool:
+    """Whether an action is not 0, or the actor's direction after some updates of the critic."""
+    box = Bounds(spec.observation_low, spec.observation_high)
+    box = box if len(box.low) == spec.observation_size else Bounds.unbounded(spec.observation_size)
+    with jax.ensure_compile_time_eval():
+        keys = jax.random.split(jax.random.key(0), NUM_UPDATES + 2)
+        theta, w = policy.init(keys[0]), action_value.init(keys[1])
+        for key in keys[2:]:
+            s = _inside(key, box)
+            action = policy(theta, s)
+            if jnp.any(action != 0):
+                return True
+            w = trees.add_scaled(w, jnp.ones(()), jax.grad(action_value)(w, s, action))
+            direction = deterministic_direction(policy, theta, s, partial(action_value, w, s))
+            if any(bool(jnp.any(leaf != 0)) for leaf in jax.tree.leaves(direction)):
+                return True
+    return False
+
+
 def _check_action_size(spec: EnvironmentSpec, words: str, found: int) -> None:
     if found != spec.action_size:
         raise ValueError(
@@ -156,7 +194,7 @@ def _reads_action(action_value: ActionValue, spec: EnvironmentSpec) -> bool:
         keys = jax.random.split(key, 4)
         w = jax.tree.map(partial(_drawn, keys[0]), action_value.init(keys[1]))
         observation = jax.random.normal(keys[2], (spec.observation_size,))
-        action = _legal(keys[3], spec.bounds)
+        action = _inside(keys[3], spec.bounds)
         return jax.grad(action_value, argnums=2)(w, observation, action)
 
     with jax.ensure_compile_time_eval():
@@ -171,8 +209,8 @@ def _drawn(key: PRNGKeyArray, weight: Array) -> Array:
     return jax.random.normal(key, weight.shape, weight.dtype) if real else weight
 
 
-def _legal(key: PRNGKeyArray, bounds: Bounds) -> Action:
-    """An action: uniform between two bounds, else normal."""
+def _inside(key: PRNGKeyArray, bounds: Bounds) -> Array:
+    """A vector: uniform between two bounds, else normal."""
     low, high = (jnp.asarray(bound, dtype=float) for bound in bounds)
     between = low + jax.random.uniform(key, low.shape) * (high - low)
     normal = cap(jax.random.normal(key, low.shape), bounds)

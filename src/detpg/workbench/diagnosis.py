@@ -53,7 +53,7 @@ def warnings(rows: list[dict[str, Any]]) -> dict[str, str]:
     if _most(last, "train/exploration") < LEAST_NOISE:
         found["exploration"] = (
             "actions hardly differ from the mean action, so nothing new is tried: raise sigma (dac "
-            "has none: it needs a world that is random itself)."
+            "has none: it needs random starts and a policy that saturates)."
         )
     changes = [row["train/policy_change"] for row in rows if _known(row, "train/policy_change")]
     still = len(changes) >= NUM_ROWS and max(changes[-NUM_ROWS:]) < LEAST_CHANGE

@@ -4,7 +4,10 @@ import dataclasses
 import typing
 from typing import Any
 
+import numpy as np
+
 from detpg.algorithms import ALGORITHMS
+from detpg.algorithms.parts import check_moves
 from detpg.critics import (
     LinearStateValue,
     MLPActionValue,
@@ -99,7 +102,22 @@ def bare(config: Config, spec: EnvironmentSpec, own: Policy | None) -> Algorithm
     check_size(config, parts)
     made = kind.create(spec, **parts, **config.options)
     check_size(config, parts, made)
+    if config.data is None:
+        _check_noise(config.algorithm, made, spec)
     return made
+
+
+def _check_noise(name: str, made: Any, spec: EnvironmentSpec) -> None:
+    """Refuses a learner without noise that learns nothing from its own actions."""
+    if parts_of(type(made))[0] != "policy" or np.any(np.asarray(getattr(made, "sigma", 1.0))):
+        return
+    if hasattr(made, "action_value"):
+        check_moves(spec, {"policy": made.policy, "action_value": made.action_value})
+    elif not made.capped:
+        raise ValueError(
+            f"sigma = 0 leaves {name} nothing to learn from, since phi(s, a) is 0 at its own "
+            "actions: give sigma > 0, or data."
+        )
 
 
 def _check_options(kind: type[Algorithm], config: Config) -> None:
