@@ -43,7 +43,7 @@ def walked(rewards, observations, ended):
     spec = Chain().spec
     inner = ALGORITHMS["opdac"].create(spec, alpha_theta=0.0)
     learner = Normalised.create(spec, algorithm=inner, rewards=True, gamma=0.9)
-    state = learner.init(KEY)
+    state, update = learner.init(KEY), jax.jit(lambda *given: learner.update(*given))
     for i, reward in enumerate(rewards):
         transition = Transition(
             observations[i],
@@ -53,7 +53,7 @@ def walked(rewards, observations, ended):
             jnp.zeros(1),
             terminated=jnp.asarray(ended[i]),
         )
-        state, _ = learner.update(KEY, state, transition)
+        state, _ = update(KEY, state, transition)
     return learner, state
 
 
@@ -130,7 +130,7 @@ def test_a_metered_learner_learns_what_it_learns_without(name):
 def metered_steps(reward, observation, steps=4, ended_at=2, action=0.5):
     spec = Chain().spec
     learner = Metered.create(spec, algorithm=ALGORITHMS["opdac"].create(spec))
-    state = learner.init(KEY)
+    state, update = learner.init(KEY), jax.jit(lambda *given: learner.update(*given))
     for i in range(steps):
         transition = Transition(
             jnp.asarray(observation, dtype=float),
@@ -140,7 +140,7 @@ def metered_steps(reward, observation, steps=4, ended_at=2, action=0.5):
             jnp.zeros(1),
             terminated=jnp.asarray(i == ended_at),
         )
-        state, _ = learner.update(KEY, state, transition)
+        state, _ = update(KEY, state, transition)
     return state.meter
 
 

@@ -22,6 +22,7 @@ from detpg.testing.checks import (
     check_same,
     counted,
     failure,
+    plain,
     require,
     snapshot,
     stack,
@@ -136,9 +137,9 @@ def _first_update(
 
 def _changed(algorithm: Any, name: str, known: Hyper) -> Any:
     """The algorithm with another allowed value of one hyper-parameter."""
-    value = getattr(algorithm, name)
-    tried = [value / 2, 2 * value, *(jnp.full_like(value, x) for x in (known.low, known.high))]
-    allowed = [x for x in tried if jnp.all((known.low <= x) & (x <= known.high) & (x != value))]
+    value = np.asarray(getattr(algorithm, name))
+    tried = [value / 2, 2 * value, *(np.full_like(value, x) for x in (known.low, known.high))]
+    allowed = [x for x in tried if np.all((known.low <= x) & (x <= known.high) & (x != value))]
     return dataclasses.replace(algorithm, **{name: allowed[0]})
 
 
@@ -199,7 +200,7 @@ def _check_ends(
 
 def _differ(one: PyTree, other: PyTree) -> bool:
     pairs = zip(jax.tree.leaves(one), jax.tree.leaves(other), strict=True)
-    return any(bool(jnp.any(a != b)) for a, b in pairs)
+    return any(bool(np.any(plain(a) != plain(b))) for a, b in pairs)
 
 
 def _check_side_by_side(
@@ -219,9 +220,10 @@ def _check_side_by_side(
 
     over_seeds = jax.vmap(from_scratch, in_axes=(None, 0))
     grid = jax.jit(jax.vmap(over_seeds, in_axes=(0, None)))(stack(points), keys)
+    start = jax.jit(lambda algorithm, key: begin(algorithm, environment, key))
     for i, point in enumerate(points):
-        expected = stack([alone(point, k, begin(point, environment, k)) for k in keys])
-        found = jax.tree.map(lambda x, i=i: x[i], grid)
+        expected = stack([alone(point, k, start(point, k)) for k in keys])
+        found = jax.tree.map(lambda x, i=i: plain(x)[i], grid)
         check_close("under jax.vmap over seeds and hyper-parameters", found, expected)
 
 

@@ -135,8 +135,8 @@ def counted(function: Callable[..., Any]) -> tuple[Callable[..., Any], Callable[
 
 
 def stack(trees: list[Any]) -> Any:
-    """Trees of one structure as one tree with a leading axis."""
-    return jax.tree.map(lambda *leaves: jnp.stack(leaves), *trees)
+    """Trees of one structure as one tree of NumPy arrays with a leading axis."""
+    return jax.tree.map(lambda *leaves: np.stack([plain(leaf) for leaf in leaves]), *trees)
 
 
 def _describe(shapes: PyTree) -> str:
@@ -150,7 +150,8 @@ def _describe(shapes: PyTree) -> str:
     )
 
 
-def _plain(leaf: Any) -> np.ndarray:
+def plain(leaf: Any) -> np.ndarray:
+    """A number, array or key as a NumPy array."""
     is_key = isinstance(leaf, jax.Array) and jnp.issubdtype(leaf.dtype, jax.dtypes.prng_key)
     return np.asarray(jax.random.key_data(leaf) if is_key else leaf)
 
@@ -158,14 +159,14 @@ def _plain(leaf: Any) -> np.ndarray:
 def _pairs(found: PyTree, expected: PyTree) -> list[tuple[str, np.ndarray, np.ndarray]]:
     ones, others = jax.tree.leaves_with_path(found), jax.tree.leaves(expected)
     paths = [jax.tree_util.keystr(path).lstrip(".") for path, _ in ones]
-    return [(p, _plain(a), _plain(b)) for p, (_, a), b in zip(paths, ones, others, strict=True)]
+    return [(p, plain(a), plain(b)) for p, (_, a), b in zip(paths, ones, others, strict=True)]
 
 
 def snapshot(record: Any) -> PyTree:
     """What the record holds: arrays as copies, anything else as it is."""
     held = dict(getattr(record, "__dict__", {}))
     is_array = (np.ndarray, jax.Array)
-    return jax.tree.map(lambda x: np.array(_plain(x)) if isinstance(x, is_array) else x, held)
+    return jax.tree.map(lambda x: np.array(plain(x)) if isinstance(x, is_array) else x, held)
 
 
 def _equal(before: Any, after: Any) -> bool:
