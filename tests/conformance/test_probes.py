@@ -8,7 +8,7 @@ import pytest
 from detpg import ALGORITHMS
 from detpg.algorithms import COPDACQ
 from detpg.critics import QuadraticActionValue
-from detpg.policies import LinearPolicy
+from detpg.policies import LinearPolicy, MLPPolicy
 from detpg.testing import PROBES, check_environment, check_probe
 
 # With these the standard deviation from seed to seed is at most a quarter of what is allowed.
@@ -67,6 +67,8 @@ class Steady:
 def made(name, probe):
     """The learner, and the probe that it is given."""
     options = SETTINGS[name]
+    if name == "dac" and not probe.actions:  # nothing pulls its actions back where none is better
+        options = options | {"policy": MLPPolicy(probe.spec.observation_size, 1, output="tanh")}
     if name == "dac" and probe.actions:
         size, probe = probe.spec.observation_size, shaken(probe)
         options = options | {

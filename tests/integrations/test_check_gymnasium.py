@@ -161,7 +161,7 @@ def test_scales_that_need_a_normaliser():
     for make in (Costly, Cheap):
         findings = checked(make)
         assert bad(findings) == {"reward scale": "warning"}
-        assert "detpg.wrappers.Normalised" in of(findings, "reward scale").advice
+        assert "--normalise both" in of(findings, "reward scale").advice
     findings = checked(Still)
     assert bad(findings) == {"observation scale": "warning"}
     assert of(findings, "observation scale").found == "It never changed in 400 steps: component 2."

@@ -8,9 +8,15 @@ from jaxtyping import PRNGKeyArray, PyTree
 
 from detpg import trees
 from detpg.actors.deterministic import deterministic_direction
-from detpg.algorithms.parts import check_moves, checked, incompatible_parts, incremental, validate
+from detpg.algorithms.parts import (
+    check_moves,
+    checked,
+    incompatible_parts,
+    incremental,
+    network,
+    validate,
+)
 from detpg.critics.td import td_error
-from detpg.policies.mlp import MLPPolicy
 from detpg.types import (
     Action,
     ActionValue,
@@ -67,8 +73,7 @@ class DAC(eqx.Module):
         Raises:
             ValueError: Parts that do not fit, or that would never leave where they start.
         """
-        network = MLPPolicy(spec.observation_size, spec.action_size)
-        parts = checked(spec, incompatible_parts(spec) | {"policy": network} | options)
+        parts = checked(spec, incompatible_parts(spec) | {"policy": network(spec)} | options)
         check_moves(spec, parts)
         return cls(**parts)
 

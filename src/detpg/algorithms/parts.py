@@ -16,6 +16,7 @@ from detpg.features.quadratic import QuadraticFeatures
 from detpg.policies.behaviour import GaussianBehaviour, cap
 from detpg.policies.feature_gaussian import FeatureGaussian
 from detpg.policies.linear import LinearPolicy
+from detpg.policies.mlp import MLPPolicy
 from detpg.types import (
     Action,
     ActionValue,
@@ -29,6 +30,13 @@ from detpg.types import (
 
 NUM_TRIED = 32  # actions at which a critic's slope is looked at
 NUM_UPDATES = 4  # of a critic, after which it has a slope or never will
+
+
+def network(spec: EnvironmentSpec, hidden: tuple[int, ...] = (32,)) -> MLPPolicy:
+    """A policy whose actions stay in the box where they are in units of it."""
+    m = spec.action_size
+    in_units = spec.bounds == ((-1.0,) * m, (1.0,) * m)
+    return MLPPolicy(spec.observation_size, m, hidden, output="tanh" if in_units else "linear")
 
 
 def incompatible_parts(spec: EnvironmentSpec) -> dict[str, Any]:

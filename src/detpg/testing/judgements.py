@@ -153,7 +153,8 @@ def judge_observation_scale(play: Play) -> list[Finding]:
             warning(
                 check,
                 f"Far from a size of 1 (root mean square): {names}.",
-                "Normalise observations (detpg.wrappers.Normalised), or scale them in the world.",
+                "Normalise observations (--normalise observations, the default of detpg train), or "
+                "scale them in the world.",
             )
         )
     return findings or [fine(check, f"Components of size {min(sizes):.2g} to {max(sizes):.2g}.")]
@@ -194,8 +195,8 @@ def judge_reward(play: Play) -> Finding:
         return warning(
             "reward scale",
             f"The rewards are of size {size:.2g} (root mean square).",
-            "Normalise rewards (detpg.wrappers.Normalised), or scale them in the world: step sizes "
-            "are meant for rewards of about 1.",
+            "Normalise rewards (--normalise both), or scale them in the world: step sizes are "
+            "meant for rewards of about 1.",
         )
     return fine("reward scale", f"The rewards are of size {size:.2g} (root mean square).")
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from detpg.algorithms import ALGORITHMS
-from detpg.algorithms.parts import check_moves
+from detpg.algorithms.parts import check_moves, network
 from detpg.critics import (
     LinearStateValue,
     MLPActionValue,
@@ -17,7 +17,7 @@ from detpg.critics import (
 )
 from detpg.features import TileCoding
 from detpg.features.quadratic import QuadraticFeatures
-from detpg.policies import FeaturePolicy, LinearPolicy, MLPPolicy
+from detpg.policies import FeaturePolicy, LinearPolicy
 from detpg.types import Algorithm, EnvironmentSpec, Features, Policy, hyper_parameters, switches
 from detpg.workbench.config import Config
 from detpg.workbench.sizes import check_size, check_tiles
@@ -132,8 +132,7 @@ def _check_options(kind: type[Algorithm], config: Config) -> None:
 def _policy(config: Config, spec: EnvironmentSpec) -> Policy:
     d, m = spec.observation_size, spec.action_size
     if config.policy in ("auto", "mlp"):
-        bounded = spec.bounds.scaled == ((-1.0,) * m, (1.0,) * m)
-        return MLPPolicy(d, m, config.hidden, output="tanh" if bounded else "linear")
+        return network(spec, config.hidden)
     if config.policy == "linear":
         return LinearPolicy(d, m)
     if config.policy == "quadratic":
