@@ -105,6 +105,8 @@ def learn_from(
     check_learner(algorithm)
     if steps < 1:
         raise ValueError(f"steps = {steps} is not usable: give 1 or more.")
+    if steps >= 2**31:
+        raise ValueError(f"steps = {steps} is not usable: give less than 2^31.")
     loop_key, order_key, begin_key = jax.random.split(key, 3)
     if start is None:
         start = ReplayState(algorithm.init(begin_key), jnp.asarray(0, dtype=int))

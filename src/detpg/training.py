@@ -192,6 +192,8 @@ def _check_steps(batch_size: int | None, steps: int, time_limit: int) -> None:
             f"A learner with batches of {batch_size} needs episodes of one step, but the "
             f"environment's time limit is {time_limit}: use an incremental learner."
         )
+    if steps >= 2**31:
+        raise ValueError(f"steps = {steps} is not usable: give less than 2^31.")
     if steps < 1 or steps % (batch_size or 1):
         raise ValueError(
             f"steps = {steps} is not usable: give a positive multiple of {batch_size or 1}, "

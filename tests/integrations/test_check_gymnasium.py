@@ -6,6 +6,10 @@ from gymnasium.spaces import Box, Dict, Discrete
 from gymnasium.wrappers import TimeLimit
 from points import LENGTH, Falling, Point, bad, checked, of
 
+from detpg.testing.findings import problem
+from detpg.testing.judgements import judge_observation_scale
+from detpg.testing.played import Play
+
 
 def test_a_world_without_fault_is_fine():
     findings = checked(Point)
@@ -165,6 +169,39 @@ def test_scales_that_need_a_normaliser():
     findings = checked(Still)
     assert bad(findings) == {"observation scale": "warning"}
     assert of(findings, "observation scale").found == "It never changed in 400 steps: component 2."
+
+
+@pytest.mark.parametrize(
+    ("offset", "step", "told"),
+    [
+        (1.7e9, 1.0, True),
+        (1e6, 0.01, True),
+        (-1e-6, 1e-14, True),
+        (1.7e9, 1000.0, False),
+        (0.0, 1e-12, False),
+        (273.15, 0.1, False),
+    ],
+)
+def test_an_offset_in_which_single_precision_loses_the_signal(offset, step, told):
+    seen = [np.asarray([np.sin(t), offset + step * t]) for t in range(400)]
+    found = judge_observation_scale(Play(observations=seen, rewards=[0.0] * 399))
+    assert [each.level for each in found if each.level == "problem"] == ["problem"] * told
+    if offset == 1.7e9 and told:
+        assert found == [
+            problem(
+                "observation scale",
+                "Component 1 of the observation lies near 1.7e+09, where single precision knows "
+                "steps of 1.3e+02 alone: most of its changes are lost.",
+                "Subtract the offset in the world, as the time of the reset from a clock: learners "
+                "compute in single precision, and no normaliser brings back what it lost.",
+            )
+        ]
+
+
+def test_what_settles_down_loses_nothing():
+    seen = [np.asarray([1 + 0.5**t]) for t in range(400)]
+    found = judge_observation_scale(Play(observations=seen, rewards=[0.0] * 399))
+    assert [each.level for each in found] == ["fine"]
 
 
 class Unbounded(Point):

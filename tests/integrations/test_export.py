@@ -81,6 +81,19 @@ def test_the_whole_pipeline_by_hand(kind, tmp_path):
     assert loaded.about["action_high"] == [10, None]
 
 
+@pytest.mark.parametrize("unit", [1e-7, 1e7])
+@pytest.mark.parametrize("kind", LOAD)
+def test_observations_in_any_unit(kind, unit, tmp_path):
+    controller = with_policy("linear", normalised=True)
+    seen = Moments.of(9, unit * jnp.asarray([0.1, -3.0, 5.0]), unit * jnp.asarray([0.3, 3.0, 1.0]))
+    state = dataclasses.replace(controller.learner, observations=seen)
+    controller = dataclasses.replace(controller, learner=state)
+    found, loaded = exported(controller, tmp_path, kind)
+    assert found.equal
+    near = unit * np.asarray([[0.1, -3.0, 5.0], [0.4, 0.0, 4.0]])
+    assert np.abs(np.diff(loaded(near), axis=0)).max() > 0.01
+
+
 def test_unbounded_actions(tmp_path):
     spec = dataclasses.replace(SPEC, action_low=(-np.inf,) * 2, action_high=(np.inf,) * 2)
     found, loaded = exported(with_policy("linear", spec=spec), tmp_path, "json", spec)

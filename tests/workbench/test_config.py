@@ -39,6 +39,16 @@ def test_length_and_bookkeeping_do_not_make_another_run():
         ({"hidden": ()}, "hidden = () is not usable: give 1 or more for each layer."),
         ({"hidden": (8, 0)}, "hidden = (8, 0) is not usable: give 1 or more for each layer."),
         ({"hidden": ("8",)}, "hidden = '8' is no whole number: give one, such as 1000."),
+        (
+            {"steps": 2**31},
+            "steps = 2147483648 is not usable: give less than 2^31, the steps that a run can "
+            "count.",
+        ),
+        (
+            {"log_every": 2_000_000},
+            "log_every = 2000000 is not usable: give at most 1000000, since the sums of a row are "
+            "of single precision.",
+        ),
         ({"time_limit": 0}, "time_limit = 0 is not usable: give 1 or more."),
         (
             {"evaluate_every": 1_500},

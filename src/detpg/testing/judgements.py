@@ -15,6 +15,7 @@ from detpg.types import EnvironmentSpec
 OBSERVATION_SIZES, REWARD_SIZES = (0.1, 10.0), (0.01, 10.0)
 FEWEST_PIXELS = 100  # of what is taken for a picture
 WIDEST = 1e6  # half a range beyond which bounds are no scale
+COARSE = 1e-3  # of the spread: steps of single precision below it take nothing away
 FILLED = 1e-3  # of its bounds: an observation that fills less stays in one tile
 
 
@@ -141,8 +142,21 @@ def judge_observation_scale(play: Play) -> list[Finding]:
     sizes = np.sqrt(np.mean(seen**2, axis=0))
     still = np.flatnonzero(np.all(seen == seen[0], axis=0))
     least, most = OBSERVATION_SIZES
-    off = [k for k, size in enumerate(sizes) if k not in still and not least <= size <= most]
+    lost = _lost_in_single(seen)
+    told = {*still, *lost}
+    off = [k for k, size in enumerate(sizes) if k not in told and not least <= size <= most]
     findings = []
+    if lost.size:
+        k, spacing = lost[0], np.spacing(np.float32(np.abs(seen[:, lost[0]]).max()))
+        findings.append(
+            problem(
+                check,
+                f"Component {k} of the observation lies near {seen[-1, k]:.7g}, where single "
+                f"precision knows steps of {spacing:.2g} alone: most of its changes are lost.",
+                "Subtract the offset in the world, as the time of the reset from a clock: learners "
+                "compute in single precision, and no normaliser brings back what it lost.",
+            )
+        )
     if still.size:
         names = components(map(str, still), still.size)
         found = f"It never changed in {len(play.rewards)} steps: {names}."
@@ -158,6 +172,15 @@ def judge_observation_scale(play: Play) -> list[Finding]:
             )
         )
     return findings or [fine(check, f"Components of size {min(sizes):.2g} to {max(sizes):.2g}.")]
+
+
+def _lost_in_single(seen: np.ndarray) -> np.ndarray:
+    """Components most of whose changes, of weight beside their spread, vanish in float32."""
+    rounded = seen.astype(np.float32)
+    changes = np.diff(seen, axis=0) != 0
+    vanished = np.sum(changes & (np.diff(rounded, axis=0) == 0), axis=0)
+    coarse = np.spacing(np.abs(rounded).max(axis=0)) > COARSE * np.std(seen, axis=0)
+    return np.flatnonzero(coarse & (2 * vanished > changes.sum(axis=0)))
 
 
 def judge_observation_bounds(play: Play, spec: EnvironmentSpec) -> list[Finding]:

@@ -131,6 +131,7 @@ POSITIVE = (
 )
 # May be none; and what the sizes of tile-coded parts are made of.
 OPTIONAL, TILES = ("time_limit", "hashed"), ("tiles", "tilings", "hashed")
+LONGEST_ROW = 1_000_000  # steps
 # Setting -> of what it must be a multiple.
 MULTIPLES = {
     "log_every": "num_envs",
@@ -169,6 +170,17 @@ def _check(config: Config) -> None:
         raise ValueError(f"hidden = {config.hidden} is not usable: give 1 or more for each layer.")
     if not 0 <= config.seed < 2**31:
         raise ValueError(f"seed = {config.seed} is not usable: give 0 to {2**31 - 1}.")
+    for name in ("steps", "time_limit"):
+        if (getattr(config, name) or 0) >= 2**31:
+            raise ValueError(
+                f"{name} = {getattr(config, name)} is not usable: give less than 2^31, the steps "
+                "that a run can count."
+            )
+    if config.log_every > LONGEST_ROW:
+        raise ValueError(
+            f"log_every = {config.log_every} is not usable: give at most {LONGEST_ROW}, since the "
+            "sums of a row are of single precision."
+        )
     for name in OPTIONAL:
         value = getattr(config, name)
         if value is not None and value < 1:
