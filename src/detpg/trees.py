@@ -15,6 +15,11 @@ def add_scaled(tree: PyTree, scale: Float[Array, ""], direction: PyTree) -> PyTr
     return jax.tree.map(lambda x, d: x + scale * d, tree, direction)
 
 
+def polyak(target: PyTree, tau: Float[Array, ""], tree: PyTree) -> PyTree:
+    """The target moved towards a tree: (1 - tau) target + tau tree, leaf by leaf."""
+    return jax.tree.map(lambda old, new: old + tau * (new - old), target, tree)
+
+
 def where(condition: Bool[Array, ""], if_true: PyTree, if_false: PyTree) -> PyTree:
     """One of two trees of the same structure, chosen by a scalar condition."""
     return jax.tree.map(lambda a, b: jax.lax.select(condition, a, b), if_true, if_false)

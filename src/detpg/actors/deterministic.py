@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 import jax
-from jaxtyping import PyTree
+from jaxtyping import Array, Float, PyTree
 
 from detpg.types import Action, Number, Observation, Policy
 
@@ -26,4 +26,27 @@ def deterministic_direction(
     """
     mean, pull_back = jax.vjp(lambda parameters: policy(parameters, observation), theta)
     (direction,) = pull_back(jax.grad(action_value)(mean))
+    return direction
+
+
+def batch_direction(
+    policy: Policy,
+    theta: PyTree,
+    observations: Float[Array, "batch obs"],
+    slopes: Callable[[Float[Array, "batch act"]], Float[Array, "batch act"]],
+) -> PyTree:
+    """The mean over a batch of grad_theta mu_theta(s) grad_a Q(s, a) at mu_theta(s) (eq. 9).
+
+    One vector-Jacobian product for the whole batch: no gradient of a single row is formed.
+
+    Args:
+        policy: mu_theta.
+        theta: Its parameters.
+        observations: s.
+        slopes: Actions, one for each s -> grad_a Q there.
+    """
+    actions, pull_back = jax.vjp(
+        lambda parameters: jax.vmap(policy, in_axes=(None, 0))(parameters, observations), theta
+    )
+    (direction,) = pull_back(slopes(actions) / len(actions))
     return direction

@@ -1,0 +1,121 @@
+"""TD3: twin critics, delayed actor, smoothed targets (Fujimoto et al., 2018, Algorithm 1)."""
+
+import dataclasses
+from typing import Any, ClassVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, PRNGKeyArray, PyTree
+
+from detpg import trees
+from detpg.actors.deterministic import batch_direction
+from detpg.algorithms import replay
+from detpg.algorithms.parts import validate
+from detpg.algorithms.replay import ReplayInfo, ReplayState
+from detpg.critics.ensemble import EnsembleActionValue
+from detpg.critics.targets import n_step_target
+from detpg.experience import Recalled
+from detpg.policies.behaviour import cap
+from detpg.policies.noise import ColouredNoise
+from detpg.types import (
+    Action,
+    Bounds,
+    EnvironmentSpec,
+    Number,
+    Observation,
+    Policy,
+    Transition,
+    Width,
+    hyper,
+)
+
+
+class TD3(eqx.Module):
+    """TD3: y from the least of the target critics; every `delay` updates a step of the actor."""
+
+    equations: ClassVar[str] = "Fujimoto et al. (2018), Algorithm 1"
+    experience = replay.recalled
+
+    policy: Policy = eqx.field(static=True)
+    action_value: EnsembleActionValue = eqx.field(static=True)
+    noise: ColouredNoise = eqx.field(static=True)
+    bounds: Bounds = eqx.field(static=True)
+    memory: int = eqx.field(static=True, default=1_000_000)
+    batch: int = eqx.field(static=True, default=128)
+    warm_up: int = eqx.field(static=True, default=1_000)
+    updates: int = eqx.field(static=True, default=1)
+    n: int = eqx.field(static=True, default=1)
+    delay: int = eqx.field(static=True, default=2)
+    gamma: Number = hyper("discount factor", 0.99, 0.0, 1.0)
+    alpha_theta: Number = hyper("step size of the actor", 1e-3, 0.0, 1.0)
+    alpha_w: Number = hyper("step size of the critics", 1e-3, 0.0, 1.0)
+    tau: Number = hyper("share of a target that is renewed at each update", 0.005, 0.0, 1.0)
+    sigma: Width = hyper("standard deviation of exploration, units of the box", 0.3, 0.0, 1e6)
+    colour: Number = hyper("of that noise: 0 white, 1 pink, 2 red", 1.0, 0.0, 4.0)
+    smoothing: Number = hyper("deviation of the targets' noise, units of the box", 0.2, 0.0, 1e6)
+    most_smoothing: Number = hyper("where that noise is clipped", 0.5, 0.0, 1e6)
+
+    def __check_init__(self):
+        validate(self)
+
+    @classmethod
+    def create(cls, spec: EnvironmentSpec, **options: Any) -> "TD3":
+        """The learner for an environment; networks of 128-128 unless given."""
+        return cls(**replay.replay_parts(spec, critics=2) | options)
+
+    def init(self, key: PRNGKeyArray) -> ReplayState:
+        return replay.begin(self, key)
+
+    def act(self, key: PRNGKeyArray, state: ReplayState, observation: Observation) -> Action:
+        return replay.explore(self, state, observation)  # a = mu_theta(s) + e
+
+    def roam(self, key: PRNGKeyArray, state: ReplayState, observation: Observation) -> Action:
+        return replay.roam(self, state)  # until there is enough to learn from
+
+    def follow(self, key: PRNGKeyArray, state: ReplayState, transition: Transition) -> ReplayState:
+        noise = self.noise.next(key, self.colour, state.noise, transition.ended)
+        return dataclasses.replace(state, noise=noise)
+
+    def update(
+        self, key: PRNGKeyArray, state: ReplayState, batch: Recalled
+    ) -> tuple[ReplayState, ReplayInfo]:
+        theta, s = state.theta, batch.observation
+        values = jax.vmap(self.action_value, in_axes=(None, 0, 0))
+
+        # a~ = mu_theta'(s') + clip(e, -c, c)
+        a = replay.acted(self, state.target_theta, batch.next_observation)
+        a = replay.smoothed(self, key, a)
+
+        # y = r + gamma min_k Q_w'_k(s', a~)
+        next_value = jnp.min(values(state.target_w, batch.next_observation, a), axis=1)
+        y = n_step_target(batch.rewards, self.gamma, batch.steps, batch.terminated, next_value)
+
+        # w_k <- argmin mean (y - Q_w_k(s, a))^2
+        def loss(w: PyTree) -> tuple[Number, Float[Array, "batch critics"]]:
+            value = values(w, s, batch.action)
+            return jnp.mean(jnp.sum((y[:, None] - value) ** 2, axis=1)), value
+
+        gradient, value = jax.grad(loss, has_aux=True)(state.w)
+        w, critic_adam = replay.adam(state.w, gradient, state.critic_optimiser, -self.alpha_w)
+
+        # every `delay` updates: theta <- theta + alpha mean grad mu_theta(s) grad_a Q_w_1(s, a)
+        def improved() -> tuple[PyTree, PyTree]:
+            slopes = replay.slopes_at(self, w, s)
+            direction = batch_direction(self.policy, theta, s, slopes)
+            return replay.adam(theta, direction, state.actor_optimiser, self.alpha_theta)
+
+        due = (state.updates + 1) % self.delay == 0
+        theta, actor_adam = jax.lax.cond(due, improved, lambda: (theta, state.actor_optimiser))
+
+        # theta' <- tau theta + (1 - tau) theta', likewise w'
+        targets = (
+            trees.polyak(state.target_theta, self.tau, theta),
+            trees.polyak(state.target_w, self.tau, w),
+        )
+        updates = state.updates + 1
+        after = ReplayState(theta, w, *targets, actor_adam, critic_adam, updates, state.noise)
+        return after, replay.info(y, value)
+
+    def greedy(self, state: ReplayState, observation: Observation) -> Action:
+        return cap(self.policy(state.theta, observation), self.bounds)
