@@ -10,7 +10,7 @@ from detpg.types import Transition
 @jax.jit
 def batch_of(algorithm, bandit, state, key):
     """The transitions of one update of a batch learner."""
-    keys = jax.random.split(key, algorithm.batch_size)
+    keys = jax.random.split(key, algorithm.experience.batch)
     start, end = jnp.asarray(False), jnp.asarray(True)
     observation = bandit.observe(start)
 

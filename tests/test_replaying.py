@@ -172,7 +172,7 @@ def test_learners_that_would_be_misled_are_refused(name, why):
     world = QuadraticBandit(1) if name.startswith("bandit") else LQR()
     learner = ALGORITHMS[name].create(world.spec)
     learners = [learner]
-    if learner.batch_size is None:
+    if learner.experience.kind == "each":
         learners.append(Metered(Normalised(learner, 1), world.spec.bounds))
     for one in learners:
         said = f"{type(learner).__name__} cannot learn from logged data, since {why}"

@@ -9,6 +9,7 @@ import pytest
 from detpg import begin, train
 from detpg.algorithms import BanditCOPDAC
 from detpg.environments import QuadraticBandit
+from detpg.experience import Experience
 from toys import Chain, Recorder
 
 KEY = jax.random.key(0)
@@ -16,8 +17,8 @@ KEY = jax.random.key(0)
 
 class InBatches(Recorder):
     @property
-    def batch_size(self):
-        return 4
+    def experience(self):
+        return Experience("fresh", batch=4)
 
 
 @functools.partial(jax.jit, static_argnames=("chain", "steps"))

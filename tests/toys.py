@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 
 from detpg.environments import LQR
+from detpg.experience import Experience
 from detpg.types import EnvironmentSpec, check_hyper, hyper
 
 
@@ -66,8 +67,8 @@ class Recorder(eqx.Module):
         return cls(**options)
 
     @property
-    def batch_size(self):
-        return None
+    def experience(self):
+        return Experience()
 
     def init(self, key):
         return {"count": jnp.zeros((), dtype=float)}

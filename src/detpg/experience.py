@@ -28,6 +28,11 @@ class Experience:
     updates: int = 1
     n: int = 1
 
+    @property
+    def steps(self) -> int:
+        """Steps of the world that one turn of the loop takes."""
+        return self.batch if self.kind == "fresh" else 1
+
 
 class Recalled(eqx.Module):
     """A batch from a memory: each row starts at a step drawn at random and spans up to n steps.

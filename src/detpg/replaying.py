@@ -130,8 +130,9 @@ def check_learner(algorithm: Algorithm) -> None:
     while (within := getattr(inside, "algorithm", None)) is not None:  # as the wrappers call it
         inside = within
     why = REFUSED.get(type(inside))
-    if inside.batch_size is not None:
-        why = f"it takes batches of {inside.batch_size} actions of its own policy in a bandit"
+    if inside.experience.kind == "fresh":
+        batch = inside.experience.batch
+        why = f"it takes batches of {batch} actions of its own policy in a bandit"
     if why is not None:
         raise ValueError(
             f"{type(inside).__name__} cannot learn from logged data, since {why}: take opdac."

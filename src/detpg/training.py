@@ -16,6 +16,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Int, Key, PRNGKeyArray, PyTree
 
 from detpg import trees
+from detpg.experience import Experience
+from detpg.learning import Recalling, choose, learn, memory_of
+from detpg.memory import Memory, remember
 from detpg.types import Action, Algorithm, Environment, Transition
 
 
@@ -28,11 +31,16 @@ class Episode(eqx.Module):
 
 
 class TrainState(eqx.Module):
-    """Everything that the rest of a run depends on, besides its key."""
+    """Everything that the rest of a run depends on, besides its key.
+
+    `memory` is None but for a learner that recalls. Of `train`'s steps together it holds as many as
+    it was begun for.
+    """
 
     learner: PyTree
     episode: Episode
     step: Int[Array, ""]
+    memory: Memory | None = None
 
 
 class Log(eqx.Module):
@@ -57,26 +65,35 @@ class StepKeys(NamedTuple):
 
 
 def _start(
-    algorithm: Algorithm, environment: Environment, key: PRNGKeyArray, learner: PyTree
+    algorithm: Algorithm,
+    environment: Environment,
+    key: PRNGKeyArray,
+    learner: PyTree,
+    step: Int[Array, ""],
 ) -> Episode:
     state_key, action_key = jax.random.split(key)
     state = environment.initial(state_key)
-    action = algorithm.act(action_key, learner, environment.observe(state))
+    action = choose(algorithm, action_key, learner, environment.observe(state), step)
     return Episode(state=state, action=action, steps=jnp.asarray(0, dtype=int))
 
 
-def begin(algorithm: Algorithm, environment: Environment, key: PRNGKeyArray) -> TrainState:
+def begin(
+    algorithm: Algorithm, environment: Environment, key: PRNGKeyArray, steps: int | None = None
+) -> TrainState:
     """The state before the first step.
 
     Args:
         algorithm: The learner.
         environment: The world.
         key: Used for the initial parameters and the first state, not for the loop.
+        steps: Of the whole run: a memory holds no more (default: what the learner says).
     """
     learner_key, start_key = jax.random.split(key)
     learner = algorithm.init(learner_key)
-    episode = _start(algorithm, environment, start_key, learner)
-    return TrainState(learner=learner, episode=episode, step=jnp.asarray(0, dtype=int))
+    first = jnp.asarray(0, dtype=int)
+    episode = _start(algorithm, environment, start_key, learner, first)
+    capacity = algorithm.experience.capacity if steps is None else steps
+    return TrainState(learner, episode, first, memory_of(algorithm, environment.spec, capacity))
 
 
 def _step(
@@ -105,15 +122,16 @@ def _onwards(
     now: Episode,
     transition: Transition,
     next_state: PyTree,
+    step: Int[Array, ""],
 ) -> Episode:
     """Where the world stands after learning, reset where the episode ended.
 
     The action there is drawn now, by what was learnt: importance ratios and deviations from
     mu_theta are those of the parameters that it came from (docs/decisions/0015).
     """
-    action = algorithm.act(keys.behaviour, learner, transition.next_observation)
+    action = choose(algorithm, keys.behaviour, learner, transition.next_observation, step)
     ongoing = Episode(state=next_state, action=action, steps=now.steps + 1)
-    fresh = _start(algorithm, environment, keys.reset, learner)
+    fresh = _start(algorithm, environment, keys.reset, learner, step)
     return trees.where(transition.ended, fresh, ongoing)
 
 
@@ -159,43 +177,57 @@ def train(
             is not a multiple of its batch.
     """
     loop_key, begin_key = jax.random.split(key)
-    state = begin(algorithm, environment, begin_key) if start is None else start
-    size = algorithm.batch_size
-    _check_steps(size, steps, environment.spec.time_limit)
+    state = begin(algorithm, environment, begin_key, steps) if start is None else start
+    taken = algorithm.experience
+    _check_steps(taken, steps, environment.spec.time_limit)
 
     def body(state: TrainState, _: None) -> tuple[TrainState, Log]:
         key = jax.random.fold_in(loop_key, state.step)
         seen = None if probe is None else probe(state.learner)
-        if size is None:
-            keys = StepKeys(*jax.random.split(key, 4))
-            before = state.episode
-            transition, next_state = _step(algorithm, environment, keys, state.learner, before)
-            learner, info = algorithm.update(keys.update, state.learner, transition)
-            episode = _onwards(
-                algorithm, environment, keys, learner, before, transition, next_state
-            )
-        else:
-            keys = jax.random.split(key, (size, 4))
+        step = state.step + taken.steps
+        if taken.kind == "fresh":
+            keys = jax.random.split(key, (taken.batch, 4))
             transition = _batch(algorithm, environment, keys, state.learner)
             update_key = StepKeys(*keys[0]).update
             learner, info = algorithm.update(update_key, state.learner, transition)
-            episode = state.episode
-        after = TrainState(learner, episode, state.step + (1 if size is None else size))
-        return after, Log(info=info, probe=seen)
+            after = TrainState(learner, state.episode, step)
+            return after, Log(info=info, probe=seen)
+        keys, before = StepKeys(*jax.random.split(key, 4)), state.episode
+        transition, next_state = _step(algorithm, environment, keys, state.learner, before)
+        learner, memory, info = _learnt(algorithm, keys, state, transition)
+        episode = _onwards(
+            algorithm, environment, keys, learner, before, transition, next_state, step
+        )
+        return TrainState(learner, episode, step, memory), Log(info=info, probe=seen)
 
-    return jax.lax.scan(body, state, None, length=steps // (size or 1))
+    return jax.lax.scan(body, state, None, length=steps // taken.steps)
 
 
-def _check_steps(batch_size: int | None, steps: int, time_limit: int) -> None:
-    if batch_size is not None and time_limit != 1:
+def _learnt(
+    algorithm: Algorithm, keys: StepKeys, state: TrainState, transition: Transition
+) -> tuple[PyTree, Memory | None, PyTree]:
+    """What a transition teaches: itself, or what is recalled once it is remembered."""
+    if state.memory is None or not isinstance(algorithm, Recalling):
+        learner, info = algorithm.update(keys.update, state.learner, transition)
+        return learner, None, info
+    follow_key, learn_key = jax.random.split(keys.update)
+    learner = algorithm.follow(follow_key, state.learner, transition)
+    memory = remember(state.memory, jax.tree.map(lambda leaf: leaf[None], transition))
+    ready = state.step + 1 >= algorithm.experience.warm_up
+    learner, info = learn(algorithm, learn_key, learner, memory, ready)
+    return learner, memory, info
+
+
+def _check_steps(taken: Experience, steps: int, time_limit: int) -> None:
+    if taken.kind == "fresh" and time_limit != 1:
         raise ValueError(
-            f"A learner with batches of {batch_size} needs episodes of one step, but the "
+            f"A learner with batches of {taken.batch} needs episodes of one step, but the "
             f"environment's time limit is {time_limit}: use an incremental learner."
         )
     if steps >= 2**31:
         raise ValueError(f"steps = {steps} is not usable: give less than 2^31.")
-    if steps < 1 or steps % (batch_size or 1):
+    if steps < 1 or steps % taken.steps:
         raise ValueError(
-            f"steps = {steps} is not usable: give a positive multiple of {batch_size or 1}, "
+            f"steps = {steps} is not usable: give a positive multiple of {taken.steps}, "
             "the number of steps per update."
         )

@@ -16,6 +16,7 @@ from jax.core import Tracer
 from jaxtyping import Array, Bool, Float, PRNGKeyArray, PyTree, Shaped
 
 from detpg.bounds import Bounds, meant
+from detpg.experience import Experience
 
 Number = Float[Array, ""]
 Width = Float[Array, "..."]  # one number, or one for each action component
@@ -31,7 +32,7 @@ class Transition(eqx.Module):
     earlier: docs/decisions/0015). `terminated` stops bootstrapping. `truncated`
     (false unless given) says that a time limit cut the episode here: s' is bootstrapped from, but
     what a learner carries from step to step, traces and correlated noise, ends. A batch learner
-    (`batch_size` set) receives the same record with a leading axis `batch` on every field.
+    of fresh episodes receives the same record with a leading axis `batch` on every field.
     """
 
     observation: Float[Array, "*batch obs"]
@@ -184,8 +185,9 @@ class Behaviour(Protocol):
 class Algorithm(Protocol):
     """A learner: structure is static, hyper-parameters are leaves, State is what `update` needs.
 
-    `batch_size` is None for an incremental learner (one unbatched transition per update) and the
-    number of stacked transitions per update otherwise. `equations` names the paper's lines.
+    `experience` says what it learns from; the loops read it and nothing else of a learner.
+    `equations` names the paper's lines. A learner that recalls has two functions more, `roam` and
+    `follow` (`detpg.learning.Recalling`), and its `update` takes a `detpg.experience.Recalled`.
     """
 
     equations: ClassVar[str]
@@ -194,14 +196,17 @@ class Algorithm(Protocol):
     def create(cls, spec: EnvironmentSpec, **options: Any) -> "Algorithm": ...
 
     @property
-    def batch_size(self) -> int | None: ...
+    def experience(self) -> Experience: ...
 
     def init(self, key: PRNGKeyArray) -> PyTree: ...
 
     def act(self, key: PRNGKeyArray, state: PyTree, observation: Observation) -> Action: ...
 
     def update(
-        self, key: PRNGKeyArray, state: PyTree, transition: Transition
+        self,
+        key: PRNGKeyArray,
+        state: PyTree,
+        transition: Any,  # a Transition, or a Recalled of a learner that recalls
     ) -> tuple[PyTree, PyTree]: ...
 
     def greedy(self, state: PyTree, observation: Observation) -> Action: ...

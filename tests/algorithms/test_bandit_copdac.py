@@ -69,7 +69,7 @@ def test_the_expected_slope_is_the_gradient_of_the_reward():
 
 
 def test_batches_have_two_samples_per_dimension():
-    assert learner().batch_size == 2 * M
+    assert learner().experience.batch == 2 * M
 
 
 def test_greedy_is_theta():

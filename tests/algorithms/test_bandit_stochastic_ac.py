@@ -73,7 +73,7 @@ def test_the_bias_is_that_of_least_squares_on_the_scores():
     algorithm, state = learner(), a_state()
     transition = batch_of(algorithm, QuadraticBandit(M), state, KEY)
     _, _, info = direction(algorithm, state, transition)
-    design = np.column_stack([*scores(state, transition), np.ones(algorithm.batch_size)])
+    design = np.column_stack([*scores(state, transition), np.ones(algorithm.experience.batch)])
     solution = np.linalg.lstsq(design, np.asarray(transition.reward))[0]
     np.testing.assert_allclose(info.value, solution[-1], rtol=1e-9)
     np.testing.assert_allclose(info.sigma, np.exp(-0.5), rtol=1e-12)
@@ -100,7 +100,7 @@ def test_a_fixed_variance_is_kept_to_the_bit_while_the_mean_moves(actor):
     assert np.asarray(new.y).tobytes() == np.asarray(state.parameters.y).tobytes()
     # the critic's features are then the scores of the mean alone
     score_theta, _ = scores(state, transition)
-    design = np.column_stack([score_theta, np.ones(algorithm.batch_size)])
+    design = np.column_stack([score_theta, np.ones(algorithm.experience.batch)])
     w = np.linalg.lstsq(design, np.asarray(transition.reward))[0]
     value = design @ w - (w[-1] if actor == "score-times-advantage" else 0.0)
     expected = np.mean(score_theta * value[:, None], axis=0)
@@ -126,7 +126,7 @@ def test_actions_are_drawn_from_the_policy():
 
 def test_greedy_is_the_mean_and_batches_have_two_samples_per_dimension():
     assert learner().greedy(a_state(), jnp.ones(1)).tolist() == [1.0, -2.0, 6.0]
-    assert learner().batch_size == 2 * M
+    assert learner().experience.batch == 2 * M
 
 
 @pytest.mark.usefixtures("x64")

@@ -26,11 +26,11 @@ def update(learner, key, state, rows):
 
 def made(kind, **options):
     critics = 1 if kind is DDPG else 2
-    parts = dict(
-        policy=NetworkPolicy(D, M, (H, H), output_width=1.0),
-        action_value=EnsembleActionValue(D, M, (H, H), size=critics),
-    )
-    numbers = dict(gamma=GAMMA, tau=TAU, alpha_theta=ALPHA_THETA, alpha_w=ALPHA_W)
+    parts = {
+        "policy": NetworkPolicy(D, M, (H, H), output_width=1.0),
+        "action_value": EnsembleActionValue(D, M, (H, H), size=critics),
+    }
+    numbers = {"gamma": GAMMA, "tau": TAU, "alpha_theta": ALPHA_THETA, "alpha_w": ALPHA_W}
     return kind.create(SPEC, **parts | numbers | options)
 
 
@@ -113,13 +113,15 @@ def reference(learner, state, rows, noise, actor_moves):
 
 
 def check_equal(found, wanted):
-    jax.tree.map(lambda x, y: np.testing.assert_allclose(x, y, rtol=1e-9, atol=1e-12), found, wanted)
+    jax.tree.map(
+        lambda x, y: np.testing.assert_allclose(x, y, rtol=1e-9, atol=1e-12), found, wanted
+    )
 
 
 @pytest.mark.usefixtures("x64")
 @pytest.mark.parametrize(("kind", "delay"), [(DDPG, 1), (TD3, 1), (TD3, 2)])
 def test_an_update_is_the_box_in_numpy(kind, delay):
-    options = dict(delay=delay, smoothing=0.0) if kind is TD3 else {}
+    options = {"delay": delay, "smoothing": 0.0} if kind is TD3 else {}
     learner = made(kind, **options)
     state = learner.init(jax.random.key(1))
     after, info = update(learner, jax.random.key(2), state, batch())
@@ -176,7 +178,10 @@ def test_exploration_is_in_units_of_the_box_and_stays_inside():
     )
     state = learner.follow(jax.random.key(2), state, moved)
     observation = jnp.ones(D)
-    mean, action = learner.greedy(state, observation), learner.act(jax.random.key(0), state, observation)
+    mean, action = (
+        learner.greedy(state, observation),
+        learner.act(jax.random.key(0), state, observation),
+    )
     assert float(action[0]) == pytest.approx(float(mean[0]))
     wanted = float(jnp.clip(mean[1] + 5.0 * state.noise.value[1], -1, 1))
     assert float(action[1]) == pytest.approx(wanted)

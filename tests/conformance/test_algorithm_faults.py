@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from detpg import train
+from detpg.experience import Experience
 from detpg.testing import check_algorithm
 from detpg.types import hyper_parameters
 from faulty import New, is_traced, off_in_batches
@@ -26,8 +27,8 @@ class Anonymous(Recorder):
 
 class NoBatch(Recorder):
     @property
-    def batch_size(self):
-        return 0
+    def experience(self):
+        return Experience("fresh", batch=0)
 
 
 class TwoHands(Recorder):
@@ -125,7 +126,7 @@ class Tallying(Recorder):
             r"GreedyWithKey.greedy takes \(key, state, observation\), but \(state, obs",
         ),
         (Anonymous, "Anonymous.equations is empty"),
-        (NoBatch, "NoBatch.batch_size is 0"),
+        (NoBatch, "NoBatch.experience has batches of 0"),
         (TwoHands, r"act returned float32\(2,\), but an array of shape \(1,\)"),
         (Widening, r"update returned \['count'\] float32\[2\], but \['count'\] float32\[\]"),
         (WeakCount, "init returned weakly typed arrays"),

@@ -9,9 +9,11 @@ from detpg.algorithms.bandit_stochastic_ac import BanditStochasticAC
 from detpg.algorithms.copdac_gq import COPDACGQ
 from detpg.algorithms.copdac_q import COPDACQ
 from detpg.algorithms.dac import DAC
+from detpg.algorithms.ddpg import DDPG
 from detpg.algorithms.offpac import OffPAC
 from detpg.algorithms.opdac import OPDAC
 from detpg.algorithms.stochastic_ac import StochasticAC
+from detpg.algorithms.td3 import TD3
 from detpg.types import Algorithm
 
 ALGORITHMS: dict[str, type[Algorithm]] = {
@@ -20,9 +22,11 @@ ALGORITHMS: dict[str, type[Algorithm]] = {
     "copdac-gq": COPDACGQ,
     "copdac-q": COPDACQ,
     "dac": DAC,
+    "ddpg": DDPG,
     "offpac": OffPAC,
     "opdac": OPDAC,
     "stochastic-ac": StochasticAC,
+    "td3": TD3,
 }
 
 __all__ = [
@@ -30,7 +34,9 @@ __all__ = [
     "COPDACGQ",
     "COPDACQ",
     "DAC",
+    "DDPG",
     "OPDAC",
+    "TD3",
     "BanditCOPDAC",
     "BanditStochasticAC",
     "OffPAC",

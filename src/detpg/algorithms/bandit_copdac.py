@@ -9,6 +9,7 @@ from jaxtyping import Array, Float, PRNGKeyArray, PyTree
 from detpg import trees
 from detpg.actors.compatible import compatible_direction
 from detpg.critics.regression import linear_regression
+from detpg.experience import Experience
 from detpg.features.compatible import compatible_features
 from detpg.policies.behaviour import GaussianBehaviour
 from detpg.policies.constant import ConstantPolicy
@@ -68,9 +69,9 @@ class BanditCOPDAC(eqx.Module):
         return cls(policy=ConstantPolicy(spec.action_size), **options)
 
     @property
-    def batch_size(self) -> int:
+    def experience(self) -> Experience:
         """2m steps: each batch has twice as many samples as the critic has slopes."""
-        return 2 * trees.num_parameters(self.policy)
+        return Experience("fresh", batch=2 * trees.num_parameters(self.policy))
 
     def init(self, key: PRNGKeyArray) -> BanditCOPDACState:
         return BanditCOPDACState(theta=self.policy.init(key))

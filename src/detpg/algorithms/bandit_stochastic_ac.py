@@ -11,6 +11,7 @@ from detpg import trees
 from detpg.actors.stochastic import likelihood_ratio_direction
 from detpg.algorithms.parts import validate
 from detpg.critics.regression import linear_regression
+from detpg.experience import Experience
 from detpg.features.compatible import score
 from detpg.policies.constant import ConstantPolicy
 from detpg.policies.gaussian import GaussianParameters, IsotropicGaussian
@@ -71,9 +72,9 @@ class BanditStochasticAC(eqx.Module):
         return cls(policy=IsotropicGaussian(ConstantPolicy(spec.action_size)), **options)
 
     @property
-    def batch_size(self) -> int:
+    def experience(self) -> Experience:
         """2m steps, as for COPDAC-B."""
-        return 2 * trees.num_parameters(self.policy.mean)
+        return Experience("fresh", batch=2 * trees.num_parameters(self.policy.mean))
 
     def init(self, key: PRNGKeyArray) -> BanditStochasticACState:
         theta = self.policy.mean.init(key)

@@ -52,7 +52,7 @@ class COPDACGQ(eqx.Module):
     """
 
     equations: ClassVar[str] = "23, 24, 25, 26, 27; natural: end of Section 4.3"
-    batch_size = incremental
+    experience = incremental
 
     policy: Policy = eqx.field(static=True)
     state_value: StateValue = eqx.field(static=True)

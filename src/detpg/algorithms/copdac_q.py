@@ -62,7 +62,7 @@ class COPDACQ(eqx.Module):
     """
 
     equations: ClassVar[str] = "19, 20, 21, 22; natural: end of Section 4.3"
-    batch_size = incremental
+    experience = incremental
 
     policy: Policy = eqx.field(static=True)
     state_value: StateValue = eqx.field(static=True)

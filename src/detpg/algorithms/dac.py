@@ -55,7 +55,7 @@ class DAC(eqx.Module):
     """
 
     equations: ClassVar[str] = "11, 12, 13"
-    batch_size = incremental
+    experience = incremental
 
     policy: Policy = eqx.field(static=True)
     action_value: ActionValue = eqx.field(static=True)

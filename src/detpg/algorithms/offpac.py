@@ -57,7 +57,7 @@ class OffPAC(eqx.Module):
     """
 
     equations: ClassVar[str] = "4, 5"
-    batch_size, policy = incremental, feature_gaussian
+    experience, policy = incremental, feature_gaussian
 
     features: Features = eqx.field(static=True)
     action_size: int = eqx.field(static=True)

@@ -57,7 +57,7 @@ class OPDAC(eqx.Module):
     """
 
     equations: ClassVar[str] = "16, 17, 18"
-    batch_size = incremental
+    experience = incremental
 
     policy: Policy = eqx.field(static=True)
     action_value: ActionValue = eqx.field(static=True)

@@ -12,6 +12,7 @@ from detpg.actors.deterministic import deterministic_direction
 from detpg.checks import check_action, check_choices, check_value, shape_of
 from detpg.critics.action_values import QuadraticActionValue
 from detpg.critics.state_values import QuadraticStateValue
+from detpg.experience import Experience
 from detpg.features.quadratic import QuadraticFeatures
 from detpg.policies.behaviour import GaussianBehaviour, cap
 from detpg.policies.feature_gaussian import FeatureGaussian
@@ -80,9 +81,9 @@ def feature_parts(spec: EnvironmentSpec, options: dict[str, Any]) -> dict[str, A
 
 
 @property
-def incremental(learner: Any) -> None:
-    """The `batch_size` of a learner that takes one transition per update."""
-    return
+def incremental(learner: Any) -> Experience:
+    """The `experience` of a learner that takes each transition once, as it happens."""
+    return Experience()
 
 
 @property

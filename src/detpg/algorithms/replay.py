@@ -114,7 +114,7 @@ def acted(learner: Any, theta: PyTree, observations: Array) -> Float[Array, "bat
 
 
 def smoothed(learner: Any, key: PRNGKeyArray, actions: Array) -> Float[Array, "batch act"]:
-    """a + clip(e, -c, c), inside the box; e is drawn for each row and component."""
+    """A + clip(e, -c, c), inside the box; e is drawn for each row and component."""
     noise = smoothing_noise(key, actions, learner.smoothing, learner.most_smoothing)
     return jax.vmap(lambda action: cap(action, learner.bounds))(actions + noise)
 

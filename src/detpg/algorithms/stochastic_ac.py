@@ -59,7 +59,7 @@ class StochasticAC(eqx.Module):
     """
 
     equations: ClassVar[str] = "2, 3"
-    batch_size, policy = incremental, feature_gaussian
+    experience, policy = incremental, feature_gaussian
 
     features: Features = eqx.field(static=True)
     action_size: int = eqx.field(static=True)

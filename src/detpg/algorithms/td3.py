@@ -78,22 +78,24 @@ class TD3(eqx.Module):
         return dataclasses.replace(state, noise=noise)
 
     def update(
-        self, key: PRNGKeyArray, state: ReplayState, batch: Recalled
+        self, key: PRNGKeyArray, state: ReplayState, transition: Recalled
     ) -> tuple[ReplayState, ReplayInfo]:
-        theta, s = state.theta, batch.observation
+        theta, s = state.theta, transition.observation
         values = jax.vmap(self.action_value, in_axes=(None, 0, 0))
 
         # a~ = mu_theta'(s') + clip(e, -c, c)
-        a = replay.acted(self, state.target_theta, batch.next_observation)
+        a = replay.acted(self, state.target_theta, transition.next_observation)
         a = replay.smoothed(self, key, a)
 
         # y = r + gamma min_k Q_w'_k(s', a~)
-        next_value = jnp.min(values(state.target_w, batch.next_observation, a), axis=1)
-        y = n_step_target(batch.rewards, self.gamma, batch.steps, batch.terminated, next_value)
+        next_value = jnp.min(values(state.target_w, transition.next_observation, a), axis=1)
+        y = n_step_target(
+            transition.rewards, self.gamma, transition.steps, transition.terminated, next_value
+        )
 
         # w_k <- argmin mean (y - Q_w_k(s, a))^2
         def loss(w: PyTree) -> tuple[Number, Float[Array, "batch critics"]]:
-            value = values(w, s, batch.action)
+            value = values(w, s, transition.action)
             return jnp.mean(jnp.sum((y[:, None] - value) ** 2, axis=1)), value
 
         gradient, value = jax.grad(loss, has_aux=True)(state.w)

@@ -181,7 +181,7 @@ def _program(
             return -greedy_return(learner, environment, evaluation_key, state)
 
         _, log = train(learner, environment, train_key, times[-1], probe=cost_of_mean)
-        size = learner.batch_size or 1
+        size = learner.experience.steps
         odd = [time for time in times if time % size]
         if odd:
             raise ValueError(

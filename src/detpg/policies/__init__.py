@@ -11,8 +11,11 @@ from detpg.policies.function import FunctionPolicy, from_equinox, from_flax
 from detpg.policies.gaussian import GaussianParameters, IsotropicGaussian
 from detpg.policies.linear import FeaturePolicy, LinearPolicy
 from detpg.policies.mlp import MLPPolicy
+from detpg.policies.network import NetworkPolicy
+from detpg.policies.noise import ColouredNoise
 
 __all__ = [
+    "ColouredNoise",
     "ConstantPolicy",
     "FeatureGaussian",
     "FeaturePolicy",
@@ -23,6 +26,7 @@ __all__ = [
     "LinearPolicy",
     "MLPPolicy",
     "MeanAndWidth",
+    "NetworkPolicy",
     "cap",
     "from_equinox",
     "from_flax",

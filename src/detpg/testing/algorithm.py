@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PRNGKeyArray, PyTree
 
+from detpg.learning import lesson
 from detpg.testing.checks import (
     PURE,
     check_array,
@@ -64,12 +65,11 @@ def check_algorithm(algorithm: Any, environment: Any, key: PRNGKeyArray | None =
 
 
 def _check_description(algorithm: Algorithm) -> None:
-    name, size = type(algorithm).__name__, algorithm.batch_size
+    name, size = type(algorithm).__name__, algorithm.experience.batch
     mend = "name the paper's equations, or the source, in `equations`"
     require(bool(algorithm.equations.strip()), f"{name}.equations is empty", "a text", mend)
-    fine = size is None or size >= 1
-    mend = "return None for a learner that updates at every step"
-    require(fine, f"{name}.batch_size is {size}", "None or at least 1", mend)
+    mend = "return Experience() for a learner that updates at every step"
+    require(size >= 1, f"{name}.experience has batches of {size}", "at least 1", mend)
 
 
 def _check_hyper_parameters(algorithm: Algorithm) -> None:
@@ -96,7 +96,7 @@ def _refusal(algorithm: Any, name: str, bad: float) -> str:
 
 def _experience(
     algorithm: Algorithm, environment: Environment, key: PRNGKeyArray, learner: PyTree
-) -> Transition:
+) -> Any:
     """What one update learns from: a transition from the start, or a batch of them."""
 
     def one(key: PRNGKeyArray) -> Transition:
@@ -114,8 +114,10 @@ def _experience(
             truncated=jnp.asarray(environment.spec.time_limit == 1),
         )
 
-    size = algorithm.batch_size
-    return one(key) if size is None else jax.vmap(one)(jax.random.split(key, size))
+    taken = algorithm.experience
+    if taken.kind == "each":
+        return one(key)
+    return lesson(algorithm, jax.vmap(one)(jax.random.split(key, taken.batch)))
 
 
 def _first_update(
@@ -145,7 +147,7 @@ def _changed(algorithm: Any, name: str, known: Hyper) -> Any:
 
 def _check_runs(algorithm: Algorithm, environment: Environment, key: PRNGKeyArray) -> None:
     """One program serves every value and seed, alone, side by side and resumed."""
-    steps = NUM_UPDATES * (algorithm.batch_size or 1)
+    steps = NUM_UPDATES * algorithm.experience.steps
 
     def run(
         algorithm: Algorithm, key: PRNGKeyArray, start: TrainState, times: int = 1
@@ -179,14 +181,14 @@ def _check_ends(
     @jax.jit
     def learnt(shift: float, terminated: bool, truncated: bool) -> PyTree:
         """What is learnt, with s' and a' moved away from where they are."""
-        seen_so = dataclasses.replace(
-            seen,
-            next_observation=seen.next_observation + shift,
-            next_action=seen.next_action + shift,
-            terminated=jnp.full_like(seen.terminated, terminated),
-            truncated=jnp.full_like(seen.truncated, truncated),
-        )
-        return algorithm.update(key, learner, seen_so)[0]
+        told = {
+            "next_observation": seen.next_observation + shift,
+            "terminated": jnp.full_like(seen.terminated, terminated),
+        }
+        if isinstance(seen, Transition):  # what is recalled no longer has these
+            told["next_action"] = seen.next_action + shift
+            told["truncated"] = jnp.full_like(seen.truncated, truncated)
+        return algorithm.update(key, learner, dataclasses.replace(seen, **told))[0]
 
     near, far = (learnt(shift, True, False) for shift in (0.0, 1.0))
     mend = "leave out the value of s' where `terminated`, as detpg.critics.td_error does"

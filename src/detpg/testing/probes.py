@@ -30,6 +30,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray, PyTree
 
+from detpg.learning import lesson
 from detpg.testing.checks import require
 from detpg.training import train
 from detpg.types import Action, Algorithm, EnvironmentSpec, Number, Observation, Transition
@@ -288,10 +289,11 @@ def _value(
         parts |= {"action": action, "next_action": action, "reward": probe.earned(seen, action)}
         return Transition(**parts, terminated=jnp.asarray(True))
 
-    size = algorithm.batch_size
-    if size is None:
+    if algorithm.experience.kind == "each":
         transition = there(algorithm.greedy(learner, seen))
     else:
-        keys = jax.random.split(key, size)
-        transition = jax.vmap(lambda key: there(algorithm.act(key, learner, seen)))(keys)
+        keys = jax.random.split(key, algorithm.experience.batch)
+        transition = lesson(
+            algorithm, jax.vmap(lambda key: there(algorithm.act(key, learner, seen)))(keys)
+        )
     return algorithm.update(key, learner, transition)[1].value

@@ -81,10 +81,10 @@ class Hosted:
         Raises:
             ValueError: It learns from batches of one-step episodes.
         """
-        if learner.batch_size is not None and self.spec.time_limit == 1:
+        if learner.experience.kind == "fresh" and self.spec.time_limit == 1:
             raise ValueError(
-                f"The learner takes batches of {learner.batch_size} episodes side by side, which "
-                "the host does not play: choose another algorithm."
+                f"The learner takes batches of {learner.experience.batch} episodes side by side, "
+                "which the host does not play: choose another algorithm."
             )
         check_episodes(learner, self.spec)
         self.learner = learner

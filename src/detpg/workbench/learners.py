@@ -44,10 +44,10 @@ def check_episodes(learner: Algorithm, spec: EnvironmentSpec) -> None:
     Raises:
         ValueError: Says what it takes.
     """
-    if learner.batch_size is not None and spec.time_limit != 1:
+    if learner.experience.kind == "fresh" and spec.time_limit != 1:
         raise ValueError(
-            f"The learner takes batches of {learner.batch_size} one-step episodes of a bandit, "
-            f"but {spec.name!r} is a world of steps: choose another algorithm."
+            f"The learner takes batches of {learner.experience.batch} one-step episodes of a "
+            f"bandit, but {spec.name!r} is a world of steps: choose another algorithm."
         )
 
 
@@ -69,7 +69,7 @@ def learner(config: Config, spec: EnvironmentSpec, own: Policy | None = None) ->
         ValueError: An option, a part or a number that does not fit; says what would.
     """
     inner = bare(config, spec, own)
-    if inner.batch_size is not None:
+    if inner.experience.kind == "fresh":
         return inner
     observations = config.normalise in ("observations", "both")
     rewards = config.normalise in ("rewards", "both")

@@ -32,7 +32,7 @@ class Played(NamedTuple):
 def worth(learner: Algorithm, state: PyTree, observation: Observation) -> tuple[Action, Number]:
     """The mean action, and the critic's value of it in units of the reward; 0 where it has none."""
     action = learner.greedy(state, observation)
-    if learner.batch_size is not None:
+    if learner.experience.kind == "fresh":
         return action, jnp.zeros(())
     tried = Transition(
         observation, action, jnp.zeros(()), observation, action, terminated=jnp.asarray(False)

@@ -110,7 +110,8 @@ class Session:
         Raises:
             ValueError: Says of what it must be a multiple.
         """
-        unit = self.learner.batch_size or self.config.num_envs
+        taken = self.learner.experience
+        unit = taken.batch if taken.kind == "fresh" else self.config.num_envs
         if steps % unit:
             raise ValueError(
                 f"{name} = {steps} is no multiple of {unit}, the steps that the learner takes at "

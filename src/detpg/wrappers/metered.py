@@ -99,7 +99,7 @@ class Metered(eqx.Module):
     """
 
     equations: ClassVar[str] = "none: a wrapper"
-    batch_size = incremental
+    experience = incremental
 
     algorithm: Algorithm
     bounds: Bounds = eqx.field(static=True)

@@ -123,7 +123,7 @@ class Normalised(eqx.Module):
     """
 
     equations: ClassVar[str] = "none: a wrapper"
-    batch_size = incremental
+    experience = incremental
 
     algorithm: Algorithm
     observation_size: int = eqx.field(static=True)
@@ -133,10 +133,10 @@ class Normalised(eqx.Module):
 
     def __check_init__(self):
         check_hyper(self)
-        if self.algorithm.batch_size is not None:
+        if self.algorithm.experience.kind == "fresh":
             raise ValueError(
-                f"The learner takes {self.algorithm.batch_size} transitions per update, but only "
-                "one that takes one can be normalised: leave the normalisers out."
+                f"The learner takes {self.algorithm.experience.batch} transitions per update, but "
+                "only one that takes one can be normalised: leave the normalisers out."
             )
 
     @classmethod
