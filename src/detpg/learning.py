@@ -4,7 +4,7 @@ In: a learner, and what just happened in its worlds. Out: the learner after it, 
 Next: the loop (`detpg.training`, `detpg.replaying`, the host's) chooses the next action.
 """
 
-from typing import Protocol, runtime_checkable
+from typing import Protocol, cast
 
 import jax
 import jax.numpy as jnp
@@ -15,7 +15,6 @@ from detpg.memory import Memory, empty, recall
 from detpg.types import Action, Algorithm, EnvironmentSpec, Observation, Transition
 
 
-@runtime_checkable
 class Recalling(Protocol):
     """What a learner of recalled batches has besides an `Algorithm`'s functions.
 
@@ -30,6 +29,11 @@ class Recalling(Protocol):
     def update(
         self, key: PRNGKeyArray, state: PyTree, transition: Recalled
     ) -> tuple[PyTree, PyTree]: ...
+
+
+def recalling(algorithm: Algorithm) -> Recalling:
+    """The same learner, of which its `experience` says that it recalls."""
+    return cast("Recalling", algorithm)
 
 
 def memory_of(
@@ -74,9 +78,10 @@ def choose(
     """The next action: the learner's own, or anywhere in the box while it only gathers."""
     taken = algorithm.experience
     own = algorithm.act(key, learner, observation)
-    if not isinstance(algorithm, Recalling) or taken.warm_up == 0:
+    if taken.warm_up == 0:
         return own
-    return jnp.where(step < taken.warm_up, algorithm.roam(key, learner, observation), own)
+    anywhere = recalling(algorithm).roam(key, learner, observation)
+    return jnp.where(step < taken.warm_up, anywhere, own)
 
 
 def learn(

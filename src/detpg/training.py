@@ -17,7 +17,7 @@ from jaxtyping import Array, Int, Key, PRNGKeyArray, PyTree
 
 from detpg import trees
 from detpg.experience import Experience
-from detpg.learning import Recalling, choose, learn, memory_of
+from detpg.learning import choose, learn, memory_of, recalling
 from detpg.memory import Memory, remember
 from detpg.types import Action, Algorithm, Environment, Transition
 
@@ -207,11 +207,11 @@ def _learnt(
     algorithm: Algorithm, keys: StepKeys, state: TrainState, transition: Transition
 ) -> tuple[PyTree, Memory | None, PyTree]:
     """What a transition teaches: itself, or what is recalled once it is remembered."""
-    if state.memory is None or not isinstance(algorithm, Recalling):
+    if state.memory is None:
         learner, info = algorithm.update(keys.update, state.learner, transition)
         return learner, None, info
     follow_key, learn_key = jax.random.split(keys.update)
-    learner = algorithm.follow(follow_key, state.learner, transition)
+    learner = recalling(algorithm).follow(follow_key, state.learner, transition)
     memory = remember(state.memory, jax.tree.map(lambda leaf: leaf[None], transition))
     ready = state.step + 1 >= algorithm.experience.warm_up
     learner, info = learn(algorithm, learn_key, learner, memory, ready)

@@ -164,6 +164,17 @@ class ActionValue(Protocol):
 
 
 @runtime_checkable
+class ActionValues(Protocol):
+    """Q_1 ... Q_K as one function of one tree w; `first` is Q_1 alone, without the cost of all."""
+
+    def init(self, key: PRNGKeyArray) -> PyTree: ...
+
+    def __call__(self, w: PyTree, observation: Observation, action: Action) -> Array: ...
+
+    def first(self, w: PyTree, observation: Observation, action: Action) -> Number: ...
+
+
+@runtime_checkable
 class StateValue(Protocol):
     """V^v(s), differentiable in v: the baseline of the compatible critic."""
 

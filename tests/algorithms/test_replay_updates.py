@@ -9,7 +9,7 @@ import pytest
 
 from detpg.algorithms.ddpg import DDPG
 from detpg.algorithms.td3 import TD3
-from detpg.critics.ensemble import EnsembleActionValue
+from detpg.critics.ensemble import EnsembleActionValues
 from detpg.experience import Recalled
 from detpg.policies.network import NetworkPolicy
 from detpg.types import EnvironmentSpec, Transition
@@ -28,7 +28,7 @@ def made(kind, **options):
     critics = 1 if kind is DDPG else 2
     parts = {
         "policy": NetworkPolicy(D, M, (H, H), output_width=1.0),
-        "action_value": EnsembleActionValue(D, M, (H, H), size=critics),
+        "action_values": EnsembleActionValues(D, M, (H, H), size=critics),
     }
     numbers = {"gamma": GAMMA, "tau": TAU, "alpha_theta": ALPHA_THETA, "alpha_w": ALPHA_W}
     return kind.create(SPEC, **parts | numbers | options)
@@ -82,7 +82,7 @@ def reference(learner, state, rows, noise, actor_moves):
     """The box, line by line, on the first update."""
     plain = jax.tree.map(np.asarray, state)
     critics = [
-        jax.tree.map(lambda leaf, k=k: leaf[k], plain.w) for k in range(learner.action_value.size)
+        jax.tree.map(lambda leaf, k=k: leaf[k], plain.w) for k in range(learner.action_values.size)
     ]
     joined = lambda s, a: np.concatenate([s, a], axis=1)  # noqa: E731
     s, a, s2 = (np.asarray(x) for x in (rows.observation, rows.action, rows.next_observation))

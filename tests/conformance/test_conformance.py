@@ -5,9 +5,11 @@ import jax.numpy as jnp
 import pytest
 
 from detpg import ALGORITHMS, ENVIRONMENTS
+from detpg.algorithms import DDPG, TD3
 from detpg.testing import check_algorithm, check_environment
 from toys import Chain, Recorder, ShortLQR
 
+SMALL = {"memory": 64, "batch": 4, "warm_up": 3}
 # A step of it spreads the rounding of single precision beyond what the check allows.
 DOUBLE = {"octopus-arm"}
 
@@ -21,7 +23,8 @@ def test_environments(name):
 @pytest.mark.parametrize("name", ALGORITHMS)
 def test_algorithms(name):
     bandit = ENVIRONMENTS["bandit"](3)
-    check_algorithm(ALGORITHMS[name].create(bandit.spec), bandit, jax.random.key(1))
+    small = SMALL if ALGORITHMS[name] in (DDPG, TD3) else {}
+    check_algorithm(ALGORITHMS[name].create(bandit.spec, **small), bandit, jax.random.key(1))
 
 
 @pytest.mark.slow

@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import jax
 import jax.numpy as jnp
 import pytest
 
@@ -11,6 +12,7 @@ from detpg.critics import QuadraticActionValue
 from detpg.policies import LinearPolicy, MLPPolicy
 from detpg.testing import PROBES, check_environment, check_probe
 
+RECALLED = {"memory": 5_000, "batch": 64, "warm_up": 200, "tau": 0.05, "gamma": 0.5}
 # With these the standard deviation from seed to seed is at most a quarter of what is allowed.
 SETTINGS = {
     "bandit-copdac": {"alpha_theta": 0.02},
@@ -18,9 +20,11 @@ SETTINGS = {
     "copdac-gq": {"alpha_theta": 0.0004, "alpha_w": 0.1, "alpha_v": 0.05},
     "copdac-q": {"alpha_theta": 0.0004, "alpha_w": 0.1, "alpha_v": 0.05},
     "dac": {"alpha_theta": 0.01, "alpha_w": 0.1},
+    "ddpg": RECALLED,
     "offpac": {"alpha_u": 0.001, "alpha_y": 0.0, "alpha_v": 0.05, "sigma0": 0.2},
     "opdac": {"alpha_theta": 0.004, "alpha_w": 0.1, "sigma": 0.3},
     "stochastic-ac": {"alpha_u": 0.00015, "alpha_v": 0.05, "lambda_": 0.5},
+    "td3": RECALLED | {"smoothing": 0.0},  # which else widens the hill that is climbed
 }
 # A learner of Section 5.1 has one action for all states, and no next state.
 BANDITS = {"bandit-copdac": ["constant-reward", "best-action"]}
@@ -64,11 +68,36 @@ class Steady:
         return self.action_value(w, observation[:-1], action)
 
 
+@dataclasses.dataclass(frozen=True)
+class Quadratics:
+    """Q_1 ... Q_K of TD3 that can hold what is true of a probe."""
+
+    action_value: QuadraticActionValue
+    size: int
+
+    def init(self, key):
+        keys = jax.random.split(key, self.size)
+        zeros = jax.vmap(self.action_value.init)(keys)
+        return jax.vmap(lambda key, w: w + 0.1 * jax.random.normal(key, w.shape))(keys, zeros)
+
+    def __call__(self, w, observation, action):
+        return jax.vmap(self.action_value, in_axes=(0, None, None))(w, observation, action)
+
+    def first(self, w, observation, action):
+        return self.action_value(w[0], observation, action)
+
+
 def made(name, probe):
     """The learner, and the probe that it is given."""
     options = SETTINGS[name]
     if name == "dac" and not probe.actions:  # nothing pulls its actions back where none is better
         options = options | {"policy": MLPPolicy(probe.spec.observation_size, 1, output="tanh")}
+    if name in ("ddpg", "td3"):
+        size = probe.spec.observation_size
+        options = options | {
+            "policy": LinearPolicy(size, 1),
+            "action_values": Quadratics(QuadraticActionValue(size, 1), 1 if name == "ddpg" else 2),
+        }
     if name == "dac" and probe.actions:
         size, probe = probe.spec.observation_size, shaken(probe)
         options = options | {

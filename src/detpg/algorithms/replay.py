@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import optax
 from jaxtyping import Array, Float, Int, PRNGKeyArray, PyTree
 
-from detpg.critics.ensemble import EnsembleActionValue
+from detpg.critics.ensemble import EnsembleActionValues
 from detpg.critics.targets import smoothing_noise
 from detpg.experience import Experience
 from detpg.policies.behaviour import cap
@@ -76,7 +76,7 @@ def replay_parts(spec: EnvironmentSpec, critics: int) -> dict[str, Any]:
     bounded = all(map(math.isfinite, (*spec.action_low, *spec.action_high)))
     return {
         "policy": NetworkPolicy(*sizes, output="tanh" if bounded else "linear"),
-        "action_value": EnsembleActionValue(*sizes, size=critics),
+        "action_values": EnsembleActionValues(*sizes, size=critics),
         "noise": ColouredNoise(spec.action_size, min(spec.time_limit, LONGEST_STRETCH)),
         "bounds": spec.bounds,
         "gamma": discount_of(spec.time_limit),
@@ -86,11 +86,17 @@ def replay_parts(spec: EnvironmentSpec, critics: int) -> dict[str, Any]:
 def begin(learner: Any, key: PRNGKeyArray) -> ReplayState:
     """Before the first update: targets are copies, of memory too, so that both can be donated."""
     theta_key, w_key = jax.random.split(key)
-    theta, w = learner.policy.init(theta_key), learner.action_value.init(w_key)
+    theta, w = learner.policy.init(theta_key), learner.action_values.init(w_key)
     targets = jax.tree.map(jnp.array, (theta, w))
-    none = jnp.asarray(0, dtype=int)
     return ReplayState(
-        theta, w, *targets, ADAM.init(theta), ADAM.init(w), none, learner.noise.init()
+        theta,
+        w,
+        targets[0],
+        targets[1],
+        ADAM.init(theta),
+        ADAM.init(w),
+        updates=jnp.asarray(0, dtype=int),
+        noise=learner.noise.init(),
     )
 
 
@@ -128,7 +134,7 @@ def slopes_at(learner: Any, w: PyTree, observations: Array) -> Callable[[Array],
     def worth(observation: Observation, action: Action) -> Number:
         legal = cap(action, learner.bounds)
         beyond = jnp.sum((action - legal) ** 2)
-        return learner.action_value.first(w, observation, legal) - beyond
+        return learner.action_values.first(w, observation, legal) - beyond
 
     slopes = jax.vmap(jax.grad(worth, argnums=1))
     return lambda actions: slopes(observations, actions)

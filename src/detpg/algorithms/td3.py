@@ -13,13 +13,13 @@ from detpg.actors.deterministic import batch_direction
 from detpg.algorithms import replay
 from detpg.algorithms.parts import validate
 from detpg.algorithms.replay import ReplayInfo, ReplayState
-from detpg.critics.ensemble import EnsembleActionValue
 from detpg.critics.targets import n_step_target
 from detpg.experience import Recalled
 from detpg.policies.behaviour import cap
 from detpg.policies.noise import ColouredNoise
 from detpg.types import (
     Action,
+    ActionValues,
     Bounds,
     EnvironmentSpec,
     Number,
@@ -38,7 +38,7 @@ class TD3(eqx.Module):
     experience = replay.recalled
 
     policy: Policy = eqx.field(static=True)
-    action_value: EnsembleActionValue = eqx.field(static=True)
+    action_values: ActionValues = eqx.field(static=True)
     noise: ColouredNoise = eqx.field(static=True)
     bounds: Bounds = eqx.field(static=True)
     memory: int = eqx.field(static=True, default=1_000_000)
@@ -81,7 +81,7 @@ class TD3(eqx.Module):
         self, key: PRNGKeyArray, state: ReplayState, transition: Recalled
     ) -> tuple[ReplayState, ReplayInfo]:
         theta, s = state.theta, transition.observation
-        values = jax.vmap(self.action_value, in_axes=(None, 0, 0))
+        values = jax.vmap(self.action_values, in_axes=(None, 0, 0))
 
         # a~ = mu_theta'(s') + clip(e, -c, c)
         a = replay.acted(self, state.target_theta, transition.next_observation)
@@ -89,9 +89,7 @@ class TD3(eqx.Module):
 
         # y = r + gamma min_k Q_w'_k(s', a~)
         next_value = jnp.min(values(state.target_w, transition.next_observation, a), axis=1)
-        y = n_step_target(
-            transition.rewards, self.gamma, transition.steps, transition.terminated, next_value
-        )
+        y = n_step_target(transition, self.gamma, next_value)
 
         # w_k <- argmin mean (y - Q_w_k(s, a))^2
         def loss(w: PyTree) -> tuple[Number, Float[Array, "batch critics"]]:

@@ -5,13 +5,13 @@ Next: the actor reads its direction from them (`detpg.actors`).
 """
 
 from detpg.critics.action_values import MLPActionValue, QuadraticActionValue
-from detpg.critics.ensemble import EnsembleActionValue
+from detpg.critics.ensemble import EnsembleActionValues
 from detpg.critics.regression import LinearFit, linear_regression
 from detpg.critics.state_values import LinearStateValue, MLPStateValue, QuadraticStateValue
 from detpg.critics.td import td_error
 
 __all__ = [
-    "EnsembleActionValue",
+    "EnsembleActionValues",
     "LinearFit",
     "LinearStateValue",
     "MLPActionValue",

@@ -11,7 +11,7 @@ from detpg.types import Action, Observation
 
 
 @dataclasses.dataclass(frozen=True)
-class EnsembleActionValue:
+class EnsembleActionValues:
     """Q_1 ... Q_K of (s, a), networks of one shape; each leaf of w has a leading axis K.
 
     Attributes:

@@ -2,31 +2,26 @@
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int, PRNGKeyArray
+from jaxtyping import Array, Float, PRNGKeyArray
 
+from detpg.experience import Recalled
 from detpg.types import Number
 
 
 def n_step_target(
-    rewards: Float[Array, "batch n"],
-    gamma: Number,
-    steps: Int[Array, "batch"],
-    terminated: Bool[Array, "batch"],
-    next_value: Float[Array, "batch"],
+    rows: Recalled, gamma: Number, next_value: Float[Array, "batch"]
 ) -> Float[Array, "batch"]:
     """Y = sum_k gamma^k r_k + gamma^m Q'(s_m, mu'(s_m)), without the last where s_m is terminal.
 
     Args:
-        rewards: r_0 ... r_(m - 1), then zeros.
+        rows: Of up to n steps, m in each.
         gamma: Discount factor.
-        steps: m, at most n.
-        terminated: Whether s_m is terminal.
-        next_value: Q' there.
+        next_value: Q' where each row ends.
     """
-    weights = gamma ** jnp.arange(rewards.shape[1], dtype=rewards.dtype)
-    tail = gamma ** steps.astype(rewards.dtype) * next_value
-    earned = jnp.sum(rewards * weights[None], axis=1)
-    return earned + jnp.where(terminated, jnp.zeros_like(tail), tail)
+    weights = gamma ** jnp.arange(rows.rewards.shape[1], dtype=rows.rewards.dtype)
+    tail = gamma ** rows.steps.astype(next_value.dtype) * next_value
+    earned = jnp.sum(rows.rewards * weights[None], axis=1)
+    return earned + jnp.where(rows.terminated, jnp.zeros_like(tail), tail)
 
 
 def smoothing_noise(
