@@ -13,6 +13,7 @@ from detpg.environments import ENVIRONMENTS, ScaledActions, TimeLimited
 from detpg.training import TrainState, begin, train
 from detpg.types import Algorithm, Bounds, Environment, EnvironmentSpec
 from detpg.workbench.config import Config
+from detpg.workbench.lanes import each, joined, lane
 from detpg.workbench.learners import check_episodes
 from detpg.workbench.play import Played, episode, without_lost
 
@@ -59,7 +60,14 @@ class Compiled:
     def begin(self) -> TrainState:
         """Before the first step."""
         keys = jax.vmap(lambda key: jax.random.split(key)[1])(self._keys)
-        return jax.jit(jax.vmap(lambda key: begin(self.learner, self._environment, key)))(keys)
+
+        @jax.jit
+        def one(key: Any) -> TrainState:
+            return begin(self.learner, self._environment, key, self._config.steps)
+
+        if self.learner.experience.kind == "recalled":
+            return joined([one(key) for key in keys])
+        return jax.vmap(one)(keys)
 
     def resume(self, state: TrainState, step: int) -> TrainState:
         """All of it was kept."""
@@ -67,6 +75,11 @@ class Compiled:
 
     def advance(self, state: TrainState, steps: int) -> TrainState:
         """That many steps on."""
+        if self.learner.experience.kind == "recalled":
+            run = self._alone(steps)
+            return joined(
+                each(lambda i: run(self.learner, self._keys[i], lane(state, i)), len(self._keys))
+            )
         return self._program(steps)(self.learner, self._keys, state)
 
     def learners(self, state: TrainState) -> PyTree:
@@ -98,11 +111,18 @@ class Compiled:
 
     @functools.lru_cache(maxsize=4)  # noqa: B019  (an engine lives as long as its run)
     def _program(self, steps: int) -> Callable[..., TrainState]:
+        return jax.jit(jax.vmap(self._one(steps), in_axes=(None, 0, 0)))
+
+    @functools.lru_cache(maxsize=4)  # noqa: B019  (likewise)
+    def _alone(self, steps: int) -> Callable[..., TrainState]:
+        return jax.jit(self._one(steps), donate_argnums=2)
+
+    def _one(self, steps: int) -> Callable[..., TrainState]:
         # The learner is an argument: other step sizes find the program that was compiled for these.
         def one(learner: Algorithm, key: Any, state: TrainState) -> TrainState:
             return train(learner, self._environment, key, steps, start=state)[0]
 
-        return jax.jit(jax.vmap(one, in_axes=(None, 0, 0)))
+        return one
 
     def close(self) -> None:
         """Nothing is open."""

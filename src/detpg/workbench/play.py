@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Array, PRNGKeyArray, PyTree
 
 from detpg import trees
+from detpg.learning import lesson
 from detpg.types import Action, Algorithm, Environment, Number, Observation, Transition
 from detpg.wrappers import Metered, Normalised
 from detpg.wrappers.normalised import UNKNOWN
@@ -34,9 +35,11 @@ def worth(learner: Algorithm, state: PyTree, observation: Observation) -> tuple[
     action = learner.greedy(state, observation)
     if learner.experience.kind == "fresh":
         return action, jnp.zeros(())
-    tried = Transition(
+    tried: Any = Transition(
         observation, action, jnp.zeros(()), observation, action, terminated=jnp.asarray(False)
     )
+    if learner.experience.kind == "recalled":
+        tried = lesson(learner, jax.tree.map(lambda leaf: leaf[None], tried))
     # Every learner's diagnostics name the value before the update; the update is thrown away.
     _, info = learner.update(jax.random.key(0), state, tried)
     return action, info.value * _unit(learner, state)
@@ -47,7 +50,7 @@ def _unit(learner: Any, state: Any) -> Number:
     if isinstance(learner, Metered):
         return _unit(learner.algorithm, state.learner)
     if isinstance(learner, Normalised) and learner.rewards:
-        deviation = state.returns.deviation
+        deviation = learner.unit(state)
         return jnp.where(deviation < UNKNOWN / 2, deviation, jnp.ones_like(deviation))
     return jnp.ones(())
 

@@ -47,10 +47,10 @@ def read_meter(meter: Any, acted: bool) -> list[dict[str, float | None]]:
         acted: Whether the learner lived the episodes; logged transitions are in no order.
     """
     sums = {name: np.asarray(getattr(meter, name), float) for name in meter.__dataclass_fields__}
-    steps = np.maximum(sums["steps"], 1.0)
+    steps, updates = (np.maximum(sums[name], 1.0) for name in ("steps", "updates"))
     means = {
-        "train/td_error": np.sqrt(sums["squared_errors"] / steps),
-        "train/value": sums["values"] / steps,
+        "train/td_error": np.sqrt(sums["squared_errors"] / updates),
+        "train/value": sums["values"] / updates,
         "train/saturated": sums["saturated"] / steps,
         "train/exploration": np.sqrt(sums["deviations"] / steps),
     }

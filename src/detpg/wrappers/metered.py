@@ -1,13 +1,15 @@
 """What a run is watched by: returns, errors and warning signs, counted inside the compiled loop."""
 
+import dataclasses
 import operator
 from typing import Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Int, PRNGKeyArray, PyTree
+from jaxtyping import Array, Float, Int, PRNGKeyArray, PyTree
 
-from detpg.algorithms.parts import incremental
+from detpg.experience import Experience, Recalled
+from detpg.learning import recalling
 from detpg.types import (
     Action,
     Algorithm,
@@ -26,6 +28,7 @@ SUMS = (
     "episodes",
     "returns",
     "lengths",
+    "updates",
     "squared_errors",
     "values",
     "saturated",
@@ -43,6 +46,7 @@ class Meter(eqx.Module):
         episodes: Number of episodes that ended.
         returns: Sum of their undiscounted returns.
         lengths: Sum of their steps.
+        updates: Number of updates: one for each transition, but for a learner that recalls.
         squared_errors: Sum of delta^2.
         values: Sum of the critic's values.
         saturated: Sum of the shares of mean-action components on a bound.
@@ -58,6 +62,7 @@ class Meter(eqx.Module):
     episodes: Number
     returns: Number
     lengths: Number
+    updates: Number
     squared_errors: Number
     values: Number
     saturated: Number
@@ -99,7 +104,6 @@ class Metered(eqx.Module):
     """
 
     equations: ClassVar[str] = "none: a wrapper"
-    experience = incremental
 
     algorithm: Algorithm
     bounds: Bounds = eqx.field(static=True)
@@ -109,6 +113,11 @@ class Metered(eqx.Module):
         """The wrapper; `algorithm` is among the options."""
         return cls(bounds=spec.bounds, **options)
 
+    @property
+    def experience(self) -> Experience:
+        """That of the learner inside."""
+        return self.algorithm.experience
+
     def init(self, key: PRNGKeyArray) -> MeteredState:
         return MeteredState(self.algorithm.init(key), Meter.new())
 
@@ -116,16 +125,29 @@ class Metered(eqx.Module):
         return self.algorithm.act(key, state.learner, observation)
 
     def update(
-        self, key: PRNGKeyArray, state: MeteredState, transition: Transition
+        self, key: PRNGKeyArray, state: MeteredState, transition: Transition | Recalled
     ) -> tuple[MeteredState, PyTree]:
         learner, info = self.algorithm.update(key, state.learner, transition)
-        mean = self.algorithm.greedy(state.learner, transition.observation)
-        return MeteredState(learner, self._counted(state.meter, transition, mean, info)), info
+        if isinstance(transition, Recalled):
+            return MeteredState(learner, _learnt(state.meter, info)), info
+        meter = self._lived(state, transition)
+        return MeteredState(learner, _learnt(meter, info)), info
+
+    def roam(self, key: PRNGKeyArray, state: MeteredState, observation: Observation) -> Action:
+        return recalling(self.algorithm).roam(key, state.learner, observation)
+
+    def follow(
+        self, key: PRNGKeyArray, state: MeteredState, transition: Transition
+    ) -> MeteredState:
+        learner = recalling(self.algorithm).follow(key, state.learner, transition)
+        return MeteredState(learner, self._lived(state, transition))
 
     def greedy(self, state: MeteredState, observation: Observation) -> Action:
         return self.algorithm.greedy(state.learner, observation)
 
-    def _counted(self, meter: Meter, transition: Transition, mean: Action, info: Any) -> Meter:
+    def _lived(self, state: MeteredState, transition: Transition) -> Meter:
+        """With one more transition of the world."""
+        meter, mean = state.meter, self.algorithm.greedy(state.learner, transition.observation)
         half, low, high = (
             jnp.asarray(end, mean.dtype) for end in (self.bounds.half_range, *self.bounds)
         )
@@ -133,22 +155,39 @@ class Metered(eqx.Module):
         total = meter.episode_return + transition.reward
         length = meter.episode_length + 1
         ended = transition.ended.astype(total.dtype)
-        seen = transition.observation, transition.action, transition.reward, info.delta
-        finite = jnp.stack([jnp.all(jnp.isfinite(x)) for x in seen])
-        fault = jnp.where(jnp.all(finite), 0, jnp.argmin(finite) + 1).astype(meter.fault.dtype)
-        first = (meter.fault == 0) & (fault > 0)
-        return Meter(
+        lived = dataclasses.replace(
+            meter,
             steps=meter.steps + 1,
             episodes=meter.episodes + ended,
             returns=meter.returns + ended * total,
             lengths=meter.lengths + ended * length,
-            squared_errors=meter.squared_errors + info.delta**2,
-            values=meter.values + info.value,
             saturated=meter.saturated + jnp.mean(on_bound.astype(total.dtype)),
             deviations=meter.deviations + jnp.mean(((transition.action - mean) / half) ** 2),
-            fault=jnp.where(first, fault, meter.fault),
-            fault_step=jnp.where(first, meter.age, meter.fault_step),
             age=meter.age + 1,
             episode_return=total * (1 - ended),
             episode_length=length * (1 - ended),
         )
+        return _told(lived, transition.observation, transition.action, transition.reward)
+
+
+def _learnt(meter: Meter, info: Any) -> Meter:
+    """With one more update."""
+    learnt = dataclasses.replace(
+        meter,
+        updates=meter.updates + 1,
+        squared_errors=meter.squared_errors + info.delta**2,
+        values=meter.values + info.value,
+    )
+    return _told(learnt, info.delta, first=len(QUANTITIES) - 1)
+
+
+def _told(meter: Meter, *seen: Float[Array, "..."], first: int = 1) -> Meter:
+    """With the first of some `QUANTITIES` that is not finite, and the step that it belongs to."""
+    finite = jnp.stack([jnp.all(jnp.isfinite(x)) for x in seen])
+    fault = jnp.where(jnp.all(finite), 0, jnp.argmin(finite) + first).astype(meter.fault.dtype)
+    new = (meter.fault == 0) & (fault > 0)
+    return dataclasses.replace(
+        meter,
+        fault=jnp.where(new, fault, meter.fault),
+        fault_step=jnp.where(new, meter.age - 1, meter.fault_step),
+    )

@@ -4,10 +4,12 @@ import dataclasses
 from typing import Any, ClassVar
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int32, PRNGKeyArray, PyTree
 
-from detpg.algorithms.parts import incremental
+from detpg.experience import Experience, Recalled
+from detpg.learning import recalling
 from detpg.types import (
     Action,
     Algorithm,
@@ -21,6 +23,7 @@ from detpg.types import (
 )
 from detpg.wrappers.sums import Sum
 
+LARGEST = 5.0  # units of a normalised return, where rewards are recalled
 MOST = 10.0  # standard deviations: what lies further out is cut off
 # In place of deviations of 0 and of those that are not known: finite, as are their quotients with
 # observations in any unit that float32 holds.
@@ -99,11 +102,15 @@ def _growth(
 
 
 class NormalisedState(eqx.Module):
-    """The learner's own state, what was seen of observations and returns, the return so far."""
+    """The learner's own state, what was seen of observations and returns, the return so far.
+
+    `largest` is the largest discounted return so far, by its size.
+    """
 
     learner: PyTree
     observations: Moments
     returns: Moments
+    largest: Number
     discounted: Number = of_episode()
 
 
@@ -123,7 +130,6 @@ class Normalised(eqx.Module):
     """
 
     equations: ClassVar[str] = "none: a wrapper"
-    experience = incremental
 
     algorithm: Algorithm
     observation_size: int = eqx.field(static=True)
@@ -144,32 +150,37 @@ class Normalised(eqx.Module):
         """The wrapper; `algorithm` is among the options."""
         return cls(observation_size=spec.observation_size, **options)
 
+    @property
+    def experience(self) -> Experience:
+        """That of the learner inside."""
+        return self.algorithm.experience
+
     def init(self, key: PRNGKeyArray) -> NormalisedState:
         learner = self.algorithm.init(key)
         seen, earned = Moments.none((self.observation_size,)), Moments.none(())
-        return NormalisedState(learner, seen, earned, discounted=jnp.zeros(()))
+        return NormalisedState(learner, seen, earned, jnp.zeros(()), discounted=jnp.zeros(()))
 
     def act(self, key: PRNGKeyArray, state: NormalisedState, observation: Observation) -> Action:
         return self.algorithm.act(key, state.learner, self.seen(state, observation))
 
     def update(
-        self, key: PRNGKeyArray, state: NormalisedState, transition: Transition
+        self, key: PRNGKeyArray, state: NormalisedState, transition: Transition | Recalled
     ) -> tuple[NormalisedState, PyTree]:
-        own = dataclasses.replace(
-            transition,
-            observation=self.seen(state, transition.observation),
-            next_observation=self.seen(state, transition.next_observation),
-            reward=self._earned(state, transition.reward),
-        )
-        learner, info = self.algorithm.update(key, state.learner, own)
-        discounted = self.gamma * state.discounted + transition.reward
-        after = NormalisedState(
-            learner,
-            state.observations.add(transition.observation),
-            state.returns.add(discounted),
-            jnp.where(transition.ended, jnp.zeros_like(discounted), discounted),
-        )
-        return after, info
+        learner, info = self.algorithm.update(key, state.learner, self._own(state, transition))
+        after = dataclasses.replace(state, learner=learner)
+        if isinstance(transition, Recalled):  # it was counted when it happened
+            return after, info
+        return _counted(self, after, transition), info
+
+    def roam(self, key: PRNGKeyArray, state: NormalisedState, observation: Observation) -> Action:
+        return recalling(self.algorithm).roam(key, state.learner, self.seen(state, observation))
+
+    def follow(
+        self, key: PRNGKeyArray, state: NormalisedState, transition: Transition
+    ) -> NormalisedState:
+        own = self._own(state, transition)
+        learner = recalling(self.algorithm).follow(key, state.learner, own)
+        return _counted(self, dataclasses.replace(state, learner=learner), transition)
 
     def greedy(self, state: NormalisedState, observation: Observation) -> Action:
         return self.algorithm.greedy(state.learner, self.seen(state, observation))
@@ -181,7 +192,43 @@ class Normalised(eqx.Module):
         moments = state.observations
         return jnp.clip((observation - moments.mean) / moments.deviation, -MOST, MOST)
 
-    def _earned(self, state: NormalisedState, reward: Number) -> Number:
+    def _own(self, state: NormalisedState, transition: Any) -> Any:
+        """A transition, or a batch of recalled ones, in the units of the learner inside."""
+        many = isinstance(transition, Recalled)
+        name, seen = ("rewards", jax.vmap(self.seen, (None, 0))) if many else ("reward", self.seen)
+        return dataclasses.replace(
+            transition,
+            observation=seen(state, transition.observation),
+            next_observation=seen(state, transition.next_observation),
+            **{name: self._earned(state, getattr(transition, name))},
+        )
+
+    def _earned(self, state: NormalisedState, reward: Float[Array, "..."]) -> Float[Array, "..."]:
         if not self.rewards:
             return reward
-        return jnp.clip(reward / state.returns.deviation, -MOST, MOST)
+        return jnp.clip(reward / self.unit(state), -MOST, MOST)
+
+    def unit(self, state: NormalisedState) -> Number:
+        """What 1 of a normalised reward is: the deviation of returns.
+
+        For a learner that recalls it is at least a fifth of the largest return, as in SimbaV2 (Lee
+        et al., 2025).
+        """
+        deviation = state.returns.deviation
+        if self.experience.kind != "recalled":
+            return deviation
+        return jnp.maximum(deviation, state.largest / LARGEST)
+
+
+def _counted(
+    learner: Normalised, state: NormalisedState, transition: Transition
+) -> NormalisedState:
+    """With what was seen of one more transition, in raw units."""
+    discounted = learner.gamma * state.discounted + transition.reward
+    return NormalisedState(
+        state.learner,
+        state.observations.add(transition.observation),
+        state.returns.add(discounted),
+        jnp.maximum(state.largest, jnp.abs(discounted)),
+        jnp.where(transition.ended, jnp.zeros_like(discounted), discounted),
+    )
