@@ -6,6 +6,8 @@ import tomllib
 from pathlib import Path
 from typing import Any, Literal, get_args
 
+from detpg.workbench.defaults import defaults_of
+
 SETTINGS = Path(__file__).parent / "settings"
 TUNED = "tuned"  # instead of a file: what is known of the environment
 
@@ -101,6 +103,7 @@ class Config:
         unknown = [name for name in found if name not in known]
         if unknown:
             raise ValueError(f"{unknown[0]!r} is no setting of a run: leave it out.")
+        found = defaults_of(found.get("algorithm")) | found
         units = found.get("hidden", cls.hidden)
         hidden = tuple(units) if isinstance(units, list | tuple) else (units,)
         return cls(**{**fitting(found), "hidden": hidden})

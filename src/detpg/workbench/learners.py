@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from detpg.algorithms import ALGORITHMS
+from detpg.algorithms import ALGORITHMS, DDPG
 from detpg.algorithms.parts import check_moves, network
 from detpg.critics import (
+    EnsembleActionValues,
     LinearStateValue,
     MLPActionValue,
     MLPStateValue,
@@ -17,13 +18,22 @@ from detpg.critics import (
 )
 from detpg.features import TileCoding
 from detpg.features.quadratic import QuadraticFeatures
-from detpg.policies import FeaturePolicy, LinearPolicy
-from detpg.types import Algorithm, EnvironmentSpec, Features, Policy, hyper_parameters, switches
+from detpg.policies import FeaturePolicy, LinearPolicy, NetworkPolicy
+from detpg.types import (
+    ActionValues,
+    Algorithm,
+    EnvironmentSpec,
+    Features,
+    Policy,
+    hyper_parameters,
+    switches,
+)
 from detpg.workbench.config import Config
 from detpg.workbench.sizes import check_size, check_tiles
 from detpg.wrappers import Metered, Normalised
 
 SPREAD = 3.0  # standard deviations that tiles cover, where observations are normalised
+PARTS = ("policy", "action_value", "action_values", "state_value", "features")
 KINDS = ("mlp", "linear", "tiles", "quadratic")
 
 
@@ -52,9 +62,9 @@ def check_episodes(learner: Algorithm, spec: EnvironmentSpec) -> None:
 
 
 def parts_of(algorithm: type[Algorithm]) -> tuple[str, ...]:
-    """Which parts it is made of, among policy, action_value, state_value, features."""
+    """Which parts it is made of, among `PARTS`."""
     names = [field.name for field in dataclasses.fields(typing.cast("Any", algorithm))]
-    return tuple(n for n in ("policy", "action_value", "state_value", "features") if n in names)
+    return tuple(n for n in PARTS if n in names)
 
 
 def learner(config: Config, spec: EnvironmentSpec, own: Policy | None = None) -> Algorithm:
@@ -92,9 +102,12 @@ def bare(config: Config, spec: EnvironmentSpec, own: Policy | None) -> Algorithm
             raise ValueError(f"{config.algorithm} has a policy of its own: leave policy out.")
         return kind.create(spec, **config.options)
     if "policy" in needed:
-        parts["policy"] = _policy(config, spec) if own is None else own
+        recalls = "action_values" in needed
+        parts["policy"] = _policy(config, spec, recalls) if own is None else own
     if "action_value" in needed:
         parts["action_value"] = _action_value(config, spec)
+    if "action_values" in needed:
+        parts["action_values"] = _action_values(config, spec, kind)
     if "state_value" in needed:
         parts["state_value"] = _state_value(config, spec)
     if "features" in needed:
@@ -129,10 +142,11 @@ def _check_options(kind: type[Algorithm], config: Config) -> None:
             )
 
 
-def _policy(config: Config, spec: EnvironmentSpec) -> Policy:
+def _policy(config: Config, spec: EnvironmentSpec, recalls: bool) -> Policy:
     d, m = spec.observation_size, spec.action_size
     if config.policy in ("auto", "mlp"):
-        return network(spec, config.hidden)
+        plain = network(spec, config.hidden)
+        return NetworkPolicy(d, m, config.hidden, output=plain.output) if recalls else plain
     if config.policy == "linear":
         return LinearPolicy(d, m)
     if config.policy == "quadratic":
@@ -154,6 +168,13 @@ def _action_value(config: Config, spec: EnvironmentSpec) -> Any:
         f"value {config.value!r} is no kind of Q(s, a) for {config.algorithm}: choose mlp or "
         "quadratic."
     )
+
+
+def _action_values(config: Config, spec: EnvironmentSpec, kind: type[Algorithm]) -> ActionValues:
+    if config.value != "mlp":
+        raise ValueError(f"value {config.value!r} does not fit {config.algorithm}: choose mlp.")
+    sizes = spec.observation_size, spec.action_size
+    return EnsembleActionValues(*sizes, config.hidden, size=1 if kind is DDPG else 2)
 
 
 def _state_value(config: Config, spec: EnvironmentSpec) -> Any:
