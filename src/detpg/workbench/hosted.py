@@ -5,42 +5,24 @@ import functools
 from collections.abc import Callable
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int, Key, PRNGKeyArray, PyTree
+from jaxtyping import Array, PyTree
 
-from detpg import trees
+from detpg.learning import memory_of
 from detpg.policies import cap
-from detpg.training import StepKeys
-from detpg.types import Action, Algorithm, Transition
+from detpg.types import Action, Algorithm
 from detpg.workbench.compiled import EVALUATION, LEARNING, learner_keys
 from detpg.workbench.config import Config
+from detpg.workbench.driving import Apart, Driver, HostState, Together, act, apart, together
 from detpg.workbench.learners import check_episodes
 from detpg.workbench.opening import in_same_world, open_apart
 from detpg.workbench.play import Played, discount, without_lost, worth
 from detpg.wrappers import of_each_world, several_worlds
 from detpg.wrappers.controller import in_world_units
 
-START = StepKeys._fields.index("environment")  # of no use to a world of the host
 LONGEST = 100_000  # steps after which an episode of an evaluation is given up
-
-
-class HostState(eqx.Module):
-    """What is kept of a run; the worlds themselves cannot be.
-
-    Attributes:
-        learner: Seeds first; what belongs to an episode has an axis of worlds after it.
-        observation: Where the worlds stand.
-        action: Chosen there, as drawn, in units of the box.
-        steps: Taken by each learner.
-    """
-
-    learner: PyTree
-    observation: Float[Array, "seeds worlds obs"]
-    action: Float[Array, "seeds worlds act"]
-    steps: Int[Array, ""]
 
 
 class Hosted:
@@ -92,40 +74,45 @@ class Hosted:
 
     def begin(self) -> HostState:
         """Before the first step."""
-        keys = jax.vmap(lambda key: jax.random.split(key)[1])(self._keys)
-        worlds = self._config.num_envs
-        fresh = jax.vmap(lambda key: several_worlds(self.learner.init(key), worlds))
-        return self._started(jax.jit(fresh)(keys), step=0)
+        memories = [
+            memory_of(self.learner, self.spec, self._config.steps, self._config.num_envs)
+            for _ in self._keys
+        ]
+        memory = None if memories[0] is None else tuple(memories)
+        return self._started(self._fresh(), memory, step=0)
 
     def resume(self, state: HostState, step: int) -> HostState:
         """The learners as they were, in new episodes: traces and correlated noise start anew."""
-        mask = of_each_world(state.learner)
-        zeroed = jax.tree.map(
-            lambda leaf, each: jnp.zeros_like(leaf) if each else leaf, state.learner, mask
+        mask, fresh = of_each_world(state.learner), self._fresh()
+        kept = jax.tree.map(
+            lambda leaf, new, each: new if each else leaf, state.learner, fresh, mask
         )
-        return self._started(zeroed, step)
+        return self._started(kept, state.memory, step)
 
-    def _started(self, learner: PyTree, step: int) -> HostState:
+    def _fresh(self) -> PyTree:
+        """The learners before the first step."""
+        keys = jax.vmap(lambda key: jax.random.split(key)[1])(self._keys)
+        worlds = self._config.num_envs
+        fresh = jax.vmap(lambda key: several_worlds(self.learner.init(key), worlds))
+        return jax.jit(fresh)(keys)
+
+    def _started(self, learner: PyTree, memory: Any, step: int) -> HostState:
         """In new episodes, whose seeds follow from the run's and from the step."""
         seeds = [self._seed(LEARNING, step, i) for i in range(self._worlds.num)]
-        observation = self._worlds.reset(seeds).reshape(*self._shape, -1)
-
-        def act(key: PRNGKeyArray, learner: PyTree, observation: Array) -> Array:
-            keys = _step_keys(key, step, self._config.num_envs)
-            return _acts(self.learner, keys[:, START], *_parted(learner), observation)
-
+        observation = jnp.asarray(self._worlds.reset(seeds).reshape(*self._shape, -1))
         self._left = False
-        action = jax.jit(jax.vmap(act))(self._keys, learner, observation)
-        self._action = np.asarray(self._all_carried_out(action))
-        return HostState(learner, jnp.asarray(observation), action, jnp.asarray(step, dtype=int))
+        steps = jnp.full(self._config.seeds, step, dtype=int)
+        action = self._first(self._keys, learner, observation, steps)
+        carried_out = jax.vmap(jax.vmap(self._carried_out))(action)
+        self._action = np.asarray(carried_out).reshape(self._worlds.num, -1)
+        return HostState(learner, observation, action, steps, memory)
+
+    @functools.cached_property
+    def _first(self) -> Callable[..., Any]:
+        return jax.jit(jax.vmap(functools.partial(act, self.learner)))
 
     def _seed(self, *words: int) -> int:
         return int(np.random.SeedSequence([self._config.seed, *words]).generate_state(1)[0])
-
-    def _all_carried_out(
-        self, actions: Float[Array, "seeds worlds act"]
-    ) -> Float[Array, "all act"]:
-        return jax.vmap(self._carried_out)(actions.reshape(self._worlds.num, -1))
 
     def _carried_out(self, action: Action) -> Action:
         # A learner that is lost stops neither the others nor the interval at whose end it is named.
@@ -135,11 +122,8 @@ class Hosted:
     def advance(self, state: HostState, steps: int) -> HostState:
         """That many steps of each learner on; in new episodes where the worlds have been left."""
         if self._left:
-            state = self.resume(state, int(state.steps))
-        leaves, structure = jax.tree.flatten(state)
-        # The leaves go in and out by themselves: to flatten records at each step costs as much time
-        # as a step of a small world.
-        program, worlds, keys = self._program(structure), self._worlds, self._keys
+            state = self.resume(state, int(state.steps[0]))
+        drive, worlds = self._driver(state), self._worlds
         size, action = self.spec.observation_size, self._action
         seen = np.empty((worlds.num, 2 * size + 4), np.float32)
         shaped = seen.reshape(*self._shape, -1)
@@ -149,27 +133,18 @@ class Hosted:
             seen[:, size:-4] = step.observation
             seen[:, -4], seen[:, -3] = step.reward, step.terminated
             seen[:, -2], seen[:, -1] = step.truncated, step.valid
-            leaves, chosen = program(keys, leaves, shaped)
-            action = np.asarray(chosen)
+            action = drive(shaped)
         self._action = action
-        return jax.tree.unflatten(structure, leaves)
+        return drive.state
 
-    @functools.lru_cache(maxsize=4)  # noqa: B019  (an engine lives as long as its run)
-    def _program(self, structure: Any) -> Callable[..., Any]:
-        @jax.jit
-        def program(keys: Any, leaves: list[Array], seen: Array) -> tuple[list[Array], Array]:
-            state = jax.tree.unflatten(structure, leaves)
-            learn = functools.partial(_learn, self.learner)
-            inner = jax.vmap(learn, in_axes=(0, None, 0, 0, 0, 0))
-            learner, action = inner(
-                keys, state.steps, state.learner, state.observation, state.action, seen
-            )
-            size, num_envs = self.spec.observation_size, self._config.num_envs
-            start = seen[..., size : 2 * size]
-            after = HostState(learner, start, action, state.steps + num_envs)
-            return jax.tree.leaves(after), self._all_carried_out(action)
+    def _driver(self, state: HostState) -> Driver:
+        kind = Together if state.memory is None else Apart
+        return kind(self._program, self._keys, state)
 
-        return program
+    @functools.cached_property
+    def _program(self) -> Callable[..., Any]:
+        recalls = self.learner.experience.kind == "recalled"
+        return (apart if recalls else together)(self.learner, self._carried_out)
 
     def learners(self, state: HostState) -> PyTree:
         """States of the learners, seeds first, as they are in their first world."""
@@ -240,59 +215,3 @@ class Hosted:
         self._worlds.close()
         if not in_same_world(self._config):
             self._judged.close()
-
-
-def _parted(learner: PyTree) -> tuple[PyTree, PyTree]:
-    """What each world has, and what they share."""
-    return eqx.partition(learner, of_each_world(learner))
-
-
-def _step_keys(key: PRNGKeyArray, steps: Any, worlds: int) -> Key[Array, "worlds 4"]:
-    """The streams of one step in each world, in the order of `StepKeys`."""
-    return jax.random.split(jax.random.fold_in(key, steps), (worlds, len(StepKeys._fields)))
-
-
-def _acts(
-    algorithm: Algorithm, keys: Any, own: PyTree, shared: PyTree, observation: Array
-) -> Float[Array, "worlds act"]:
-    """An action in each world."""
-    return jax.vmap(
-        lambda key, own, observation: algorithm.act(key, eqx.combine(own, shared), observation)
-    )(keys, own, observation)
-
-
-def _learn(
-    algorithm: Algorithm,
-    key: PRNGKeyArray,
-    steps: Int[Array, ""],
-    learner: PyTree,
-    observation: Float[Array, "worlds obs"],
-    action: Float[Array, "worlds act"],
-    seen: Float[Array, "worlds columns"],
-) -> tuple[PyTree, Float[Array, "worlds act"]]:
-    """Learns from the worlds one after another, then chooses an action in each."""
-    size = observation.shape[-1]
-    keys = _step_keys(key, steps, observation.shape[0])
-    own, shared = _parted(learner)
-
-    def body(shared: PyTree, world: Any) -> tuple[PyTree, PyTree]:
-        own, key, observation, action, seen = world
-        stream, state = StepKeys(*key), eqx.combine(own, shared)
-        next_observation = seen[:size]
-        transition = Transition(
-            observation,
-            action,
-            reward=seen[-4],
-            next_observation=next_observation,
-            next_action=algorithm.act(stream.behaviour, state, next_observation),
-            terminated=seen[-3] > 0,
-            truncated=seen[-2] > 0,
-        )
-        updated, _ = algorithm.update(stream.update, state, transition)
-        # A call that only reset a world brought nothing to learn from.
-        own, shared = _parted(trees.where(seen[-1] > 0, updated, state))
-        return shared, own
-
-    shared, own = jax.lax.scan(body, shared, (own, keys, observation, action, seen))
-    chosen = _acts(algorithm, keys[:, 1], own, shared, seen[:, size : 2 * size])
-    return eqx.combine(own, shared), chosen

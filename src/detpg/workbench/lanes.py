@@ -5,13 +5,14 @@ are given away to the compiled step, written in place and never stacked.
 """
 
 import dataclasses
-import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, TypeVar
 
 import jax
 import jax.numpy as jnp
+
+from detpg.machine import cores
 
 State = TypeVar("State")
 
@@ -35,5 +36,5 @@ def each(run: Callable[[int], State], num: int) -> list[State]:
     """What a function gives for every learner; compiled programs run on all cores at once."""
     if num == 1:
         return [run(0)]
-    with ThreadPoolExecutor(min(num, os.cpu_count() or 1)) as threads:
+    with ThreadPoolExecutor(min(num, cores())) as threads:
         return list(threads.map(run, range(num)))
