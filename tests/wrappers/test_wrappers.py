@@ -189,7 +189,7 @@ def test_traces_and_deviations_belong_to_a_world(name):
     state = learner.init(KEY)
     mask = of_each_world(state)
     marked = {jax.tree_util.keystr(path) for path, each in jax.tree.leaves_with_path(mask) if each}
-    names = {"deviation"} & set(state.learner.__dataclass_fields__)
+    names = {"deviation", "noise"} & set(state.learner.__dataclass_fields__)
     names |= {n for n in state.learner.__dataclass_fields__ if n.startswith("e_")}
     assert {path.split(".")[2].split("[")[0] for path in marked if "learner" in path} == names
     assert ".discounted" in marked
