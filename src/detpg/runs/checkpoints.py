@@ -119,7 +119,14 @@ def _load(folder: Path, like: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     import orbax.checkpoint as orbax
 
     with orbax.Checkpointer(orbax.StandardCheckpointHandler()) as reader:
-        return reader.restore(folder, args=orbax.args.StandardRestore(like))
+        found = reader.restore(folder, args=orbax.args.StandardRestore(like, strict=False))
+    return {name: _grown(array, like[name].shape) for name, array in found.items()}
+
+
+def _grown(array: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    """Filled up with zeros: the memory of a run that is made longer holds more than it did."""
+    more = [(0, new - old) for old, new in zip(array.shape, shape, strict=True)]
+    return np.pad(array, more) if array.shape != shape else array
 
 
 def _digests(folder: Path) -> dict[str, str]:

@@ -4,32 +4,34 @@ A state of several learners has a leading axis of seeds in all but `memory`, a t
 are given away to the compiled step, written in place and never stacked.
 """
 
-import dataclasses
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, TypeVar
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 
 from detpg.machine import cores
 
-State = TypeVar("State")
+State = TypeVar("State", bound=Any)
 
 
 def lane(state: State, i: int) -> State:
     """The state of one learner."""
-    bare: Any = dataclasses.replace(state, memory=None)  # pyright: ignore[reportArgumentType]
-    one = jax.tree.map(lambda leaf: leaf[i], bare)
-    return dataclasses.replace(one, memory=getattr(state, "memory")[i])  # noqa: B009
+    one = jax.tree.map(lambda leaf: leaf[i], _with_memory(state, None))
+    return _with_memory(one, state.memory[i])
 
 
 def joined(lanes: list[State]) -> State:
     """The states of all learners as one."""
-    bare = [dataclasses.replace(one, memory=None) for one in lanes]  # pyright: ignore
-    whole: Any = jax.tree.map(lambda *leaves: jnp.stack(leaves), *bare)
-    memories = tuple(getattr(one, "memory") for one in lanes)  # noqa: B009
-    return dataclasses.replace(whole, memory=memories)
+    bare = [_with_memory(one, None) for one in lanes]
+    whole = jax.tree.map(lambda *leaves: jnp.stack(leaves), *bare)
+    return _with_memory(whole, tuple(one.memory for one in lanes))
+
+
+def _with_memory(state: State, memory: Any) -> State:
+    return eqx.tree_at(lambda x: x.memory, state, memory, is_leaf=lambda x: x is None)
 
 
 def each(run: Callable[[int], State], num: int) -> list[State]:
