@@ -130,6 +130,8 @@ def check_learner(algorithm: Algorithm) -> None:
     while (within := getattr(inside, "algorithm", None)) is not None:  # as the wrappers call it
         inside = within
     why = REFUSED.get(type(inside))
+    if inside.experience.kind == "recalled":
+        why = "it keeps a memory of what it tries itself"
     if inside.experience.kind == "fresh":
         batch = inside.experience.batch
         why = f"it takes batches of {batch} actions of its own policy in a bandit"

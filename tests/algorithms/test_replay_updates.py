@@ -204,3 +204,13 @@ def test_a_policy_without_a_tanh_is_led_back_into_the_box(pushed):
         )
         assert np.all(now < before)
         state = after
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("memory", 0), ("batch", 0), ("n", -1), ("updates", 0.5), ("delay", True), ("warm_up", -1)],
+)
+@pytest.mark.usefixtures("unchecked")
+def test_whole_numbers_that_cannot_be_are_refused(name, value):
+    with pytest.raises(ValueError, match=rf"^{name} = .* is not usable: give a whole number of "):
+        made(TD3, **{name: value})

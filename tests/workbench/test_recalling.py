@@ -58,3 +58,17 @@ def test_seeds_side_by_side_are_those_alone():
     check_equal(jax.tree.map(lambda leaf: leaf[:1], both.learner), alone.learner)
     check_equal(both.memory[0], alone.memory[0])
     assert np.any(both.memory[0].rows != both.memory[1].rows)
+
+
+def test_a_memory_is_told_before_the_start_and_refused_where_it_does_not_fit(tmp_path, monkeypatch):
+    told = []
+    train_in(tmp_path, config(seeds=2), report=lambda progress: told.extend(progress.messages))
+    assert "The memory of 60 transitions takes 3.9 kB for 2 learners." in told
+    monkeypatch.setattr("detpg.workbench.sizes.memory", lambda: 10**9)
+    big = {"options": {"memory": 10**9}, "steps": 10**9}
+    with pytest.raises(
+        ValueError,
+        match=r"^A memory of 1,000,000,000 transitions takes 32\.0 GB for 1 learner, where 1\.0 GB "
+        r"are free: give a smaller one, such as --memory 15624999\.$",
+    ):
+        session(config(**big))

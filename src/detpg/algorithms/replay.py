@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import optax
 from jaxtyping import Array, Float, Int, PRNGKeyArray, PyTree
 
+from detpg.algorithms.parts import validate
 from detpg.critics.ensemble import EnsembleActionValues
 from detpg.critics.targets import smoothing_noise
 from detpg.experience import Experience
@@ -22,6 +23,8 @@ ADAM = optax.scale_by_adam()
 HORIZONS = 5.0  # of the discount, in an episode
 LEAST_GAMMA, MOST_GAMMA, USUAL_GAMMA = 0.95, 0.995, 0.99
 LONGEST_STRETCH = 1_000  # steps of noise that are drawn at once
+# Whole numbers that a learner may have, and the least of each.
+WHOLE = {"memory": 1, "batch": 1, "updates": 1, "n": 1, "delay": 1, "warm_up": 0}
 UNLIMITED = 2**31 - 1  # a time limit that is none
 
 
@@ -54,6 +57,21 @@ class ReplayInfo(eqx.Module):
 
     delta: Number
     value: Number
+
+
+def validate_replay(learner: Any) -> None:
+    """Refuses a learner whose options, hyper-parameters, bounds or whole numbers cannot be.
+
+    Raises:
+        ValueError: Names the one that cannot be, and what would.
+    """
+    validate(learner)
+    for name, least in WHOLE.items():
+        value = getattr(learner, name, least)
+        if isinstance(value, bool) or not isinstance(value, int) or value < least:
+            raise ValueError(
+                f"{name} = {value!r} is not usable: give a whole number of {least} or more."
+            )
 
 
 @property

@@ -11,7 +11,6 @@ from jaxtyping import Array, Float, PRNGKeyArray, PyTree
 from detpg import trees
 from detpg.actors.deterministic import batch_direction
 from detpg.algorithms import replay
-from detpg.algorithms.parts import validate
 from detpg.algorithms.replay import ReplayInfo, ReplayState
 from detpg.critics.targets import n_step_target
 from detpg.experience import Recalled
@@ -51,13 +50,13 @@ class TD3(eqx.Module):
     alpha_theta: Number = hyper("step size of the actor", 1e-3, 0.0, 1.0)
     alpha_w: Number = hyper("step size of the critics", 1e-3, 0.0, 1.0)
     tau: Number = hyper("share of a target that is renewed at each update", 0.005, 0.0, 1.0)
-    sigma: Width = hyper("standard deviation of exploration, units of the box", 0.3, 0.0, 1e6)
+    sigma: Width = hyper("standard deviation of exploration, units of the box", 0.5, 0.0, 1e6)
     colour: Number = hyper("of that noise: 0 white, 1 pink, 2 red", 1.0, 0.0, 4.0)
     smoothing: Number = hyper("deviation of the targets' noise, units of the box", 0.2, 0.0, 1e6)
     most_smoothing: Number = hyper("where that noise is clipped", 0.5, 0.0, 1e6)
 
     def __check_init__(self):
-        validate(self)
+        replay.validate_replay(self)
 
     @classmethod
     def create(cls, spec: EnvironmentSpec, **options: Any) -> "TD3":

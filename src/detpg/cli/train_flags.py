@@ -18,12 +18,20 @@ COMMON: dict[str, tuple[Any, str]] = {
         "mu_theta: mlp, linear, quadratic, tiles, or FILE.py:NAME for one of your own (default: "
         "mlp; quadratic where the policy is a Gaussian on features).",
     ),
-    "hidden": (tuple[int, ...], "Units of each hidden layer of a network (default: 32)."),
+    "hidden": (
+        tuple[int, ...],
+        "Units of each hidden layer of a network (default: 32; 128 128 for ddpg and td3).",
+    ),
     "value": (
         Literal["mlp", "quadratic", "tiles"],
         "The critic's function (default: mlp).",
     ),
     "value-units": (int, "Hidden units of a critic that is a network (default: 40)."),
+    "norm": (
+        Literal["none", "first", "all"],
+        "LayerNorm in the critics of ddpg and td3: none, first (with a tanh, after the first layer) "
+        "or all (default: first).",
+    ),
     "tiles": (int, "Tiles along each dimension, of tile-coded parts (default: 8)."),
     "tilings": (int, "Tilings of tile-coded parts (default: 8)."),
     "hashed": (
@@ -33,7 +41,8 @@ COMMON: dict[str, tuple[Any, str]] = {
     ),
     "normalise": (
         Literal["none", "observations", "rewards", "both"],
-        "What is brought to a spread of 1 while learning (default: observations).",
+        "What is brought to a spread of 1 while learning (default: observations; both for ddpg and "
+        "td3).",
     ),
     "num-envs": (int, "Worlds of each learner, of a Gymnasium environment (default: 1)."),
     "time-limit": (int, "Steps after which an episode is cut (default: the environment's)."),

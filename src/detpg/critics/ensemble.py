@@ -25,7 +25,7 @@ class EnsembleActionValues:
     observation_size: int
     action_size: int
     hidden: tuple[int, ...] = (128, 128)
-    norm: Norm = "none"
+    norm: Norm = "first"
     size: int = 2
 
     @property

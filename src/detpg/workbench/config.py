@@ -13,6 +13,7 @@ TUNED = "tuned"  # instead of a file: what is known of the environment
 
 PolicyKind = str  # "auto", "mlp", "linear", "tiles", "quadratic" or "FILE.py:NAME"
 ValueKind = Literal["mlp", "quadratic", "tiles"]
+Norm = Literal["none", "first", "all"]
 Normalise = Literal["none", "observations", "rewards", "both"]
 
 
@@ -30,6 +31,7 @@ class Config:
         hidden: Units of each hidden layer of a network.
         value: Kind of the critic's function.
         value_units: Hidden units of a critic that is a network.
+        norm: LayerNorm of critics that recall: none, after the first layer, or in all.
         tiles: Tiles along each dimension of tile-coded parts.
         tilings: Tilings of tile-coded parts.
         hashed: Weights that the tiles of each such part share; none: each tile has its own.
@@ -58,6 +60,7 @@ class Config:
     hidden: tuple[int, ...] = (32,)
     value: ValueKind = "mlp"
     value_units: int = 40
+    norm: Norm = "first"
     tiles: int = 8
     tilings: int = 8
     hashed: int | None = None
@@ -119,7 +122,11 @@ def _plain(value: Any) -> Any:
     )
 
 
-CHOICES = {"value": get_args(ValueKind), "normalise": get_args(Normalise)}
+CHOICES = {
+    "value": get_args(ValueKind),
+    "norm": get_args(Norm),
+    "normalise": get_args(Normalise),
+}
 POSITIVE = (
     "steps",
     "seeds",

@@ -29,7 +29,7 @@ from detpg.types import (
     switches,
 )
 from detpg.workbench.config import Config
-from detpg.workbench.sizes import check_size, check_tiles
+from detpg.workbench.sizes import check_memory, check_size, check_tiles
 from detpg.wrappers import Metered, Normalised
 
 SPREAD = 3.0  # standard deviations that tiles cover, where observations are normalised
@@ -115,7 +115,9 @@ def bare(config: Config, spec: EnvironmentSpec, own: Policy | None) -> Algorithm
     check_size(config, parts)
     made = kind.create(spec, **parts, **config.options)
     check_size(config, parts, made)
-    if config.data is None:
+    if made.experience.kind == "recalled":
+        check_memory(config, made.experience, spec)
+    elif config.data is None:
         _check_noise(config.algorithm, made, spec)
     return made
 
@@ -174,7 +176,7 @@ def _action_values(config: Config, spec: EnvironmentSpec, kind: type[Algorithm])
     if config.value != "mlp":
         raise ValueError(f"value {config.value!r} does not fit {config.algorithm}: choose mlp.")
     sizes = spec.observation_size, spec.action_size
-    return EnsembleActionValues(*sizes, config.hidden, size=1 if kind is DDPG else 2)
+    return EnsembleActionValues(*sizes, config.hidden, config.norm, size=1 if kind is DDPG else 2)
 
 
 def _state_value(config: Config, spec: EnvironmentSpec) -> Any:

@@ -21,6 +21,7 @@ from detpg.workbench.learners import learner
 from detpg.workbench.opening import how_judged
 from detpg.workbench.own import needs_own, own_policy
 from detpg.workbench.session import Interval, Kept, Session
+from detpg.workbench.sizes import told_of_memory
 from detpg.workbench.tables import (
     EVALUATIONS,
     EVALUATIONS_SCHEMA,
@@ -125,6 +126,7 @@ class _Recorder:
         engine = session.engine
         self._messages = [] if engine.exact else [f"{engine.spec.name}: {engine.resume_note}."]
         self._messages += how_judged(config, is_compiled=engine.exact)
+        self._messages += told_of_memory(config, session.learner.experience, engine.spec)
         self._returned: float | None = None
         until = self._resume()
         self._rows = read_table(path / METRICS, METRICS_SCHEMA, until).to_pylist()

@@ -8,8 +8,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
+from detpg.experience import Experience
 from detpg.machine import memory
-from detpg.types import Algorithm
+from detpg.memory import num_bytes
+from detpg.types import Algorithm, EnvironmentSpec
 from detpg.workbench.config import Config
 
 # Numbers of one learner. Each step touches all of them: more take half a second a step, and days
@@ -61,13 +63,47 @@ def check_size(config: Config, parts: Mapping[str, Any], learner: Algorithm | No
     if numbers <= MOST and (free is None or needed <= free):
         return
     listed = ", ".join(f"{_count(n)} in its {name.replace('_', ' ')}" for name, n in counts.items())
-    seeds = "1 learner learns" if config.seeds == 1 else f"{config.seeds:,} learners learn"
+    learns = "learns" if config.seeds == 1 else "learn"
     few = numbers <= MOST and one <= (free or 0)
     mend = "give fewer --seeds" if few else _smaller(config, max(counts, key=counts.__getitem__))
     raise ValueError(
         f"{config.algorithm} would hold {_count(numbers)} numbers ({listed}), "
-        f"{_bytes(needed)} while {seeds}, where {_limit()}: {mend}."
+        f"{_bytes(needed)} while {_seeds(config)} {learns}, where {_limit()}: {mend}."
     )
+
+
+def check_memory(config: Config, taken: Experience, spec: EnvironmentSpec) -> None:
+    """Refuses a memory of transitions that this machine cannot hold.
+
+    Raises:
+        ValueError: How many bytes it would take, how many are free, and what to do.
+    """
+    needed, free = _held_in_memory(config, taken, spec), memory()
+    if free is None or needed <= free:
+        return
+    rows = min(taken.capacity, config.steps)
+    fitting = rows * free // needed // 2
+    raise ValueError(
+        f"A memory of {rows:,} transitions takes {_bytes(needed)} for {_seeds(config)}, where "
+        f"{_bytes(free)} are free: give a smaller one, such as --memory {max(fitting, 1)}."
+    )
+
+
+def told_of_memory(config: Config, taken: Experience, spec: EnvironmentSpec) -> list[str]:
+    """What a user is told before a learner that recalls starts."""
+    if taken.kind != "recalled":
+        return []
+    rows, size = min(taken.capacity, config.steps), _held_in_memory(config, taken, spec)
+    return [f"The memory of {rows:,} transitions takes {_bytes(size)} for {_seeds(config)}."]
+
+
+def _held_in_memory(config: Config, taken: Experience, spec: EnvironmentSpec) -> int:
+    rows, sizes = min(taken.capacity, config.steps), (spec.observation_size, spec.action_size)
+    return config.seeds * num_bytes(rows, *sizes, config.num_envs)
+
+
+def _seeds(config: Config) -> str:
+    return "1 learner" if config.seeds == 1 else f"{config.seeds:,} learners"
 
 
 def _weights(part: Any) -> int:
