@@ -29,8 +29,8 @@ COMMON: dict[str, tuple[Any, str]] = {
     "value-units": (int, "Hidden units of a critic that is a network (default: 40)."),
     "norm": (
         Literal["none", "first", "all"],
-        "LayerNorm in the critics of ddpg and td3: none, first (with a tanh, after the first layer) "
-        "or all (default: first).",
+        "LayerNorm in the critics of ddpg and td3: none, after the first layer (with a tanh) or in "
+        "all (default: first).",
     ),
     "tiles": (int, "Tiles along each dimension, of tile-coded parts (default: 8)."),
     "tilings": (int, "Tilings of tile-coded parts (default: 8)."),
