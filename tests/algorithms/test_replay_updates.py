@@ -28,7 +28,7 @@ def made(kind, **options):
     critics = 1 if kind is DDPG else 2
     parts = {
         "policy": NetworkPolicy(D, M, (H, H), output_width=1.0),
-        "action_values": EnsembleActionValues(D, M, (H, H), size=critics),
+        "action_values": EnsembleActionValues(D, M, (H, H), "none", size=critics),
     }
     numbers = {"gamma": GAMMA, "tau": TAU, "alpha_theta": ALPHA_THETA, "alpha_w": ALPHA_W}
     return kind.create(SPEC, **parts | numbers | options)

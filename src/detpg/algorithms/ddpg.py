@@ -33,7 +33,7 @@ from detpg.types import (
 class DDPG(eqx.Module):
     """DDPG: Q-learning with a target critic and a target actor; the actor along grad_a Q."""
 
-    equations: ClassVar[str] = "Lillicrap et al. (2016), Algorithm 1"
+    equations: ClassVar[str] = "none of the paper's: the algorithm of Lillicrap et al."
     experience = replay.recalled
 
     policy: Policy = eqx.field(static=True)

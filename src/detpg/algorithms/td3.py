@@ -33,7 +33,7 @@ from detpg.types import (
 class TD3(eqx.Module):
     """TD3: y from the least of the target critics; every `delay` updates a step of the actor."""
 
-    equations: ClassVar[str] = "Fujimoto et al. (2018), Algorithm 1"
+    equations: ClassVar[str] = "none of the paper's: the algorithm of Fujimoto et al."
     experience = replay.recalled
 
     policy: Policy = eqx.field(static=True)
