@@ -1,5 +1,6 @@
-"""The box of legal actions, and which ends of a box are meant."""
+"""What is static about a world: its sizes, its boxes, and which ends of a box are meant."""
 
+import dataclasses
 import math
 from typing import NamedTuple
 
@@ -49,3 +50,42 @@ class Bounds(NamedTuple):
     def _components(self) -> list[tuple[bool, float, float]]:
         pairs = zip(*self.meant, strict=True)
         return [(math.isfinite(high - low), low, high) for low, high in pairs]
+
+
+@dataclasses.dataclass(frozen=True)
+class EnvironmentSpec:
+    """What is static about an environment: sizes, bounds, time limit, discount.
+
+    A bound that nobody can mean, of 1e15 or more, counts as none and becomes infinite
+    (docs/decisions/0034).
+
+    Attributes:
+        name: Registry name.
+        observation_size: Length of the observation vector.
+        action_size: m, the length of the action vector.
+        action_low: Lower bound of each action component, in action units (-inf: unbounded).
+        action_high: Upper bound of each action component.
+        time_limit: Steps after which an episode is cut; 1 for a bandit.
+        discount: gamma, as used in the paper for this environment.
+        observation_low: Lower bound of each observation component; empty: unbounded or unknown.
+        observation_high: Upper bound of each observation component.
+    """
+
+    name: str
+    observation_size: int
+    action_size: int
+    action_low: tuple[float, ...]
+    action_high: tuple[float, ...]
+    time_limit: int
+    discount: float
+    observation_low: tuple[float, ...] = ()
+    observation_high: tuple[float, ...] = ()
+
+    def __post_init__(self):
+        for name in ("action_low", "action_high", "observation_low", "observation_high"):
+            object.__setattr__(self, name, tuple(map(meant, getattr(self, name))))
+
+    @property
+    def bounds(self) -> Bounds:
+        """The legal actions."""
+        return Bounds(self.action_low, self.action_high)

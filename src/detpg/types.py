@@ -15,7 +15,8 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Bool, Float, PRNGKeyArray, PyTree, Shaped
 
-from detpg.bounds import Bounds, meant
+from detpg.bounds import Bounds as Bounds
+from detpg.bounds import EnvironmentSpec as EnvironmentSpec
 from detpg.experience import Experience
 
 Number = Float[Array, ""]
@@ -63,45 +64,6 @@ class Transition(eqx.Module):
     def ended(self) -> Bool[Array, "*batch"]:
         """Whether the next transition belongs to another episode."""
         return self.terminated | self.truncated
-
-
-@dataclasses.dataclass(frozen=True)
-class EnvironmentSpec:
-    """What is static about an environment: sizes, bounds, time limit, discount.
-
-    A bound that nobody can mean, of 1e15 or more, counts as none and becomes infinite
-    (docs/decisions/0034).
-
-    Attributes:
-        name: Registry name.
-        observation_size: Length of the observation vector.
-        action_size: m, the length of the action vector.
-        action_low: Lower bound of each action component, in action units (-inf: unbounded).
-        action_high: Upper bound of each action component.
-        time_limit: Steps after which an episode is cut; 1 for a bandit.
-        discount: gamma, as used in the paper for this environment.
-        observation_low: Lower bound of each observation component; empty: unbounded or unknown.
-        observation_high: Upper bound of each observation component.
-    """
-
-    name: str
-    observation_size: int
-    action_size: int
-    action_low: tuple[float, ...]
-    action_high: tuple[float, ...]
-    time_limit: int
-    discount: float
-    observation_low: tuple[float, ...] = ()
-    observation_high: tuple[float, ...] = ()
-
-    def __post_init__(self):
-        for name in ("action_low", "action_high", "observation_low", "observation_high"):
-            object.__setattr__(self, name, tuple(map(meant, getattr(self, name))))
-
-    @property
-    def bounds(self) -> Bounds:
-        """The legal actions."""
-        return Bounds(self.action_low, self.action_high)
 
 
 @runtime_checkable

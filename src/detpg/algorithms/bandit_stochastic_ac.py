@@ -15,15 +15,7 @@ from detpg.experience import Experience
 from detpg.features.compatible import score
 from detpg.policies.constant import ConstantPolicy
 from detpg.policies.gaussian import GaussianParameters, IsotropicGaussian
-from detpg.types import (
-    Action,
-    EnvironmentSpec,
-    Number,
-    Observation,
-    Transition,
-    hyper,
-    switch,
-)
+from detpg.types import Action, EnvironmentSpec, Number, Observation, Transition, hyper, switch
 
 Actor = Literal["score-times-q", "score-times-advantage"]
 

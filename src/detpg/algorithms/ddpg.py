@@ -27,6 +27,7 @@ from detpg.types import (
     Transition,
     Width,
     hyper,
+    switch,
 )
 
 
@@ -40,11 +41,11 @@ class DDPG(eqx.Module):
     action_values: ActionValues = eqx.field(static=True)
     noise: ColouredNoise = eqx.field(static=True)
     bounds: Bounds = eqx.field(static=True)
-    memory: int = eqx.field(static=True, default=1_000_000)
-    batch: int = eqx.field(static=True, default=128)
-    warm_up: int = eqx.field(static=True, default=1_000)
-    updates: int = eqx.field(static=True, default=1)
-    n: int = eqx.field(static=True, default=1)
+    memory: int = switch("transitions that are remembered", 1_000_000)
+    batch: int = switch("transitions of an update", 128)
+    warm_up: int = switch("steps of random actions before the first update", 1_000)
+    updates: int = switch("for each step of the world", 1)
+    n: int = switch("steps whose rewards are summed before bootstrapping", 1)
     gamma: Number = hyper("discount factor", 0.99, 0.0, 1.0)
     alpha_theta: Number = hyper("step size of the actor", 1e-3, 0.0, 1.0)
     alpha_w: Number = hyper("step size of the critics", 1e-3, 0.0, 1.0)
