@@ -13,6 +13,7 @@ import jax
 import jax.numpy as jnp
 
 from detpg.machine import cores
+from detpg.memory import Memory
 
 State = TypeVar("State", bound=Any)
 
@@ -28,6 +29,19 @@ def joined(lanes: list[State]) -> State:
     bare = [_with_memory(one, None) for one in lanes]
     whole = jax.tree.map(lambda *leaves: jnp.stack(leaves), *bare)
     return _with_memory(whole, tuple(one.memory for one in lanes))
+
+
+def grown(state: State, capacity: int) -> State:
+    """With memories of as many transitions, where they hold fewer; none has wrapped yet."""
+
+    def one(memory: Memory) -> Memory:
+        worlds, rows, _ = memory.rows.shape
+        more = max(-(-capacity // worlds) + 1 - rows, 0)
+        return eqx.tree_at(
+            lambda x: x.rows, memory, jnp.pad(memory.rows, ((0, 0), (0, more), (0, 0)))
+        )
+
+    return _with_memory(state, tuple(map(one, state.memory)))
 
 
 def _with_memory(state: State, memory: Any) -> State:

@@ -11,6 +11,7 @@ from jaxtyping import PyTree
 from detpg.types import Algorithm, Bounds, EnvironmentSpec
 from detpg.workbench.config import Config
 from detpg.workbench.diagnosis import faults
+from detpg.workbench.lanes import grown
 from detpg.workbench.play import Played, bias, finite_seeds
 from detpg.workbench.tables import read_meter
 from detpg.wrappers import Controller, Metered
@@ -117,6 +118,12 @@ class Session:
                 f"{name} = {steps} is no multiple of {unit}, the steps that the learner takes at "
                 "once: give one that is."
             )
+
+    def reserve(self, steps: int) -> None:
+        """Makes room in the memories for as many steps in all, up to what the learner holds."""
+        taken = self.learner.experience
+        if taken.kind == "recalled":
+            self.kept = self.kept._replace(state=grown(self.kept.state, min(taken.capacity, steps)))
 
     def resume(self, step: int, kept: Kept) -> None:
         """Goes on from a checkpoint."""

@@ -18,7 +18,7 @@ from detpg.workbench.learners import algorithm_class, learner
 from detpg.workbench.own import check_imported, import_module_of
 from detpg.workbench.session import Interval, Session
 
-CONFIG, STEP = "config", "step"
+CONFIG, STEP, RESERVED = "config", "step", "reserved"
 OF_FOLDERS = ("steps", "checkpoint_every", "keep_checkpoints")
 OWN = "own"  # the kind of a policy that was given as an object
 
@@ -71,6 +71,7 @@ class Trainer:
         engine = engine_of(self.config, None if named else environment)
         given = None if isinstance(policy, str) else policy
         self.session = Session(self.config, engine, learner(self.config, engine.spec, given))
+        self._reserved = 0
         self._key = jax.random.fold_in(jax.random.key(self.config.seed), 2)
 
     @property
@@ -95,6 +96,7 @@ class Trainer:
             raise ValueError(f"total_timesteps = {total_timesteps} is not usable: give 1 or more.")
         self.session.check_steps("total_timesteps", total_timesteps)
         until = self.session.step + total_timesteps
+        self._reserve(until)
         while self.session.step < until:
             interval = self.session.advance(until)
             if len(interval.lost) == self.config.seeds:
@@ -102,6 +104,11 @@ class Trainer:
             if callback is not None and callback(interval) is False:
                 break
         return self
+
+    def _reserve(self, steps: int) -> None:
+        """Room for what will be remembered: nobody has said before how long it learns."""
+        self._reserved = max(self._reserved, steps)
+        self.session.reserve(self._reserved)
 
     def predict(
         self, observation: Any, deterministic: bool = True, seed: int = 0
@@ -148,7 +155,11 @@ class Trainer:
 
     def save(self, path: str | Path) -> None:
         """Writes all of it as one `.npz` file: to predict with, or to learn on."""
-        about = {CONFIG: np.asarray(json.dumps(self.config.as_json())), STEP: self.session.step}
+        about = {
+            CONFIG: np.asarray(json.dumps(self.config.as_json())),
+            STEP: self.session.step,
+            RESERVED: self._reserved,
+        }
         write_arrays(_npz(path), {**about, **numbered(self.session.kept)})
 
     @classmethod
@@ -182,6 +193,7 @@ class Trainer:
             check_imported(world)
         given = kind if policy is None else policy
         trainer = cls(name, world if environment is None else environment, policy=given, **settings)
+        trainer._reserve(int(kept.get(RESERVED, 0)))
         session = trainer.session
         leaves, structure = jax.tree.flatten(session.kept)
         found = [kept.get(f"leaf{i}", np.empty(())) for i in range(len(leaves))]
