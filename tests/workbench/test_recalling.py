@@ -1,12 +1,10 @@
 """Runs of learners with a memory: resumed to the bit, told how large, kept apart."""
 
-import equinox as eqx
 import jax
 import numpy as np
 import pytest
 
 from detpg import Trainer
-from detpg.memory import empty
 from detpg.workbench.config import Config
 from detpg.workbench.engines import engine_of
 from detpg.workbench.learners import learner
@@ -81,9 +79,6 @@ def test_a_trainer_remembers_however_long_it_learns(tmp_path):
     settings = {"hidden": (8,), "batch": 4, "warm_up": 20, "time_limit": 7, "log_every": 20}
     settings |= {"evaluate_every": 80, "evaluation_episodes": 1}
     trainer = Trainer("td3", "lqr", **settings)
-    small = (empty(30, *sizes(trainer.session.engine.spec)),)  # as if no more were expected
-    kept = eqx.tree_at(lambda x: x.state.memory, trainer.session.kept, small)
-    trainer.session.kept = kept
     trainer.learn(40)
     trainer.save(tmp_path / "half")
     loaded = Trainer.load(tmp_path / "half").learn(40)
@@ -91,6 +86,3 @@ def test_a_trainer_remembers_however_long_it_learns(tmp_path):
     check_equal(*(jax.tree.map(np.asarray, x.session.kept.state) for x in (trainer, loaded)))
     assert int(trainer.session.kept.state.memory[0].sizes[0]) == 80
 
-
-def sizes(spec):
-    return spec.observation_size, spec.action_size

@@ -65,6 +65,7 @@ class Trainer:
                 "environment": environment if named else _name(environment),
                 "options": options,
                 "policy": policy if isinstance(policy, str) else OWN,
+                "steps": 1,  # `learn` says how many, and makes room for what is remembered
                 **settings,
             }
         )
