@@ -32,8 +32,9 @@ class Transition(eqx.Module):
     drawn before it learns from this transition (with correlated noise, from the deviation one step
     earlier: docs/decisions/0015). `terminated` stops bootstrapping. `truncated`
     (false unless given) says that a time limit cut the episode here: s' is bootstrapped from, but
-    what a learner carries from step to step, traces and correlated noise, ends. A batch learner
-    of fresh episodes receives the same record with a leading axis `batch` on every field.
+    what a learner carries from step to step, traces and correlated noise, ends. What is not finite
+    in s' and a' becomes 0 where `terminated`. A batch learner of fresh episodes receives the same
+    record with a leading axis `batch` on every field.
     """
 
     observation: Float[Array, "*batch obs"]
@@ -56,7 +57,8 @@ class Transition(eqx.Module):
     ):
         """One step, or a batch of them."""
         self.observation, self.action, self.reward = observation, action, reward
-        self.next_observation, self.next_action = next_observation, next_action
+        self.next_observation = _finite_where(terminated, next_observation)
+        self.next_action = _finite_where(terminated, next_action)
         self.terminated = terminated
         self.truncated = jnp.zeros_like(terminated) if truncated is None else truncated
 
@@ -64,6 +66,12 @@ class Transition(eqx.Module):
     def ended(self) -> Bool[Array, "*batch"]:
         """Whether the next transition belongs to another episode."""
         return self.terminated | self.truncated
+
+
+def _finite_where(terminated: Bool[Array, "*batch"], end: Array) -> Array:
+    """What stands at a true end, where a world may leave NaN: 0 * NaN would reach the learner."""
+    unfit = terminated[..., None] & ~jnp.isfinite(end)
+    return jnp.where(unfit, jnp.zeros_like(end), end)
 
 
 @runtime_checkable

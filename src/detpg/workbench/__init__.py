@@ -10,6 +10,7 @@ from detpg.workbench.opened import OpenedRun, open_run
 from detpg.workbench.run import Progress, Stopped, train_in
 from detpg.workbench.session import Session
 from detpg.workbench.trainer import Trainer
+from detpg.world_error import WorldError
 
 __all__ = [
     "Config",
@@ -19,6 +20,7 @@ __all__ = [
     "Session",
     "Stopped",
     "Trainer",
+    "WorldError",
     "open_run",
     "train_in",
 ]

@@ -18,6 +18,7 @@ from detpg.workbench.learners import check_episodes
 from detpg.workbench.play import Played, episode, without_lost
 
 LEARNING, EVALUATION = 0, 1  # streams of the run's seed
+HOST_SEEDS = 2**31 - 2**20
 
 
 class Compiled:
@@ -132,6 +133,11 @@ def learner_keys(config: Config) -> Key[jax.Array, "seeds"]:
     """A key for each learner; the same in every kind of world."""
     root = jax.random.fold_in(jax.random.key(config.seed), LEARNING)
     return jax.vmap(functools.partial(jax.random.fold_in, root))(np.arange(config.seeds))
+
+
+def host_seed(*words: int) -> int:
+    """A seed for a world of the host; with a million counted on from it, it fits in 31 bits."""
+    return int(np.random.SeedSequence(words).generate_state(1)[0]) % HOST_SEEDS
 
 
 def named(config: Config, name: str) -> Environment:

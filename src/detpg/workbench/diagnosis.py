@@ -1,9 +1,11 @@
 """Words instead of a bad curve: what is wrong with a run, and what to try."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from detpg.types import Bounds
+from detpg.world_error import WorldError
 from detpg.wrappers.metered import QUANTITIES
 
 SATURATED = 0.9  # share of mean-action components on a bound
@@ -17,22 +19,71 @@ class DivergedError(Exception):
     """Every learner of a run is non-finite; the message is one sentence for the user."""
 
 
-def faults(meter: Any, finite: np.ndarray) -> dict[int, str]:
+class Fault(NamedTuple):
+    """Why a learner is lost.
+
+    Attributes:
+        words: What became non-finite first, and when.
+        by_world: Whether that came from the world.
+    """
+
+    words: str
+    by_world: bool
+
+
+def faults(meter: Any, finite: np.ndarray) -> dict[int, Fault]:
     """Seed -> what became non-finite and when, of learners that are no longer finite.
 
     Args:
         meter: `wrappers.Meter`, seeds first.
         finite: Whether all parameters of each learner are.
     """
-    found: dict[int, str] = {}
+    found: dict[int, Fault] = {}
     for seed, fault in enumerate(np.asarray(meter.fault)):
         if fault:
-            step = int(np.asarray(meter.fault_step)[seed])
-            found[seed] = f"the {QUANTITIES[int(fault)]} of step {step} is not finite"
+            step = int(np.asarray(meter.fault_step)[seed]) + 1
+            component, kind = divmod(int(fault), len(QUANTITIES))
+            found[seed] = _fault(QUANTITIES[kind], component, step)
         elif not finite[seed]:
             step = int(np.asarray(meter.age)[seed])
-            found[seed] = f"a parameter is not finite at step {step}"
+            found[seed] = Fault(f"a parameter is not finite at step {step}", by_world=False)
     return found
+
+
+def _fault(quantity: str, component: int, step: int) -> Fault:
+    found = f"component {component} of the observation"
+    by_world = {
+        "observation": f"{found}, before step {step:,}",
+        "next observation": f"{found}, at step {step:,}",
+        "reward": f"the reward of step {step:,}",
+    }
+    if quantity in by_world:
+        words = f"the world returned what is not finite, as {by_world[quantity]}"
+        return Fault(words, by_world=True)
+    return Fault(f"the {quantity} of step {step:,} is not finite", by_world=False)
+
+
+def ended(lost: dict[int, Fault], bounds: Bounds, kept: str = "") -> Exception:
+    """What ends a run whose learners are all lost.
+
+    Args:
+        lost: Why, of each of them.
+        bounds: Of the actions: within bounds a world is never driven to where numbers end.
+        kept: What is left of the run, in words.
+    """
+    fault = lost[min(lost)]
+    bounded = bool(np.all(np.isfinite(bounds)))
+    if fault.by_world and bounded:
+        mend = "Let it return finite numbers, or terminate where it breaks down."
+        return WorldError("The run is lost", f"{fault.words}. {mend}")
+    where = "; ".join(filter(None, (fault.words, kept)))
+    mend = "Lower the step sizes, or normalise observations and rewards."
+    if fault.by_world:
+        mend = (
+            "Its actions have no bounds: give it some, or lower the step sizes; if they were "
+            "small, mend the world."
+        )
+    return DivergedError(f"The run diverged: {where}. {mend}")
 
 
 def warnings(rows: list[dict[str, Any]]) -> dict[str, str]:

@@ -19,6 +19,7 @@ from detpg.runs import (
 from detpg.types import Bounds, EnvironmentSpec
 from detpg.version import __version__
 from detpg.workbench.config import Config
+from detpg.world_error import WorldError
 
 CONFIG, CHECKPOINTS = "config.json", "checkpoints"
 
@@ -54,7 +55,7 @@ def opened(path: Path, config: Config, spec: EnvironmentSpec, bounds: Bounds) ->
         with locked(path):
             _describe(path, config, spec, bounds, is_new=found is None)
             yield
-    except ValueError:
+    except (ValueError, WorldError):
         # What cannot be learnt at all must not stand in the way of the command that can.
         if found is None and not Checkpoints(path / CHECKPOINTS).steps:
             _take_back(path, new)

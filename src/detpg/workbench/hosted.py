@@ -13,16 +13,16 @@ from jaxtyping import Array, PyTree
 from detpg.learning import memory_of
 from detpg.policies import cap
 from detpg.types import Action, Algorithm
-from detpg.workbench.compiled import EVALUATION, LEARNING, learner_keys
+from detpg.workbench.compiled import EVALUATION, LEARNING, host_seed, learner_keys
 from detpg.workbench.config import Config
 from detpg.workbench.driving import Apart, Driver, HostState, Together, act, apart, together
+from detpg.workbench.failing import in_training
+from detpg.workbench.judged import Judged
 from detpg.workbench.learners import check_episodes
 from detpg.workbench.opening import in_same_world, open_apart
 from detpg.workbench.play import Played, discount, without_lost, worth
 from detpg.wrappers import of_each_world, several_worlds
 from detpg.wrappers.controller import in_world_units
-
-LONGEST = 100_000  # steps after which an episode of an evaluation is given up
 
 
 class Hosted:
@@ -56,6 +56,7 @@ class Hosted:
         low, high = self.bounds.scaled
         self.spec = dataclasses.replace(self._worlds.spec, action_low=low, action_high=high)
         self._action: np.ndarray | None = None
+        self._new = False  # whether nothing was judged yet
 
     def use(self, learner: Algorithm) -> None:
         """The learner that is driven.
@@ -74,6 +75,7 @@ class Hosted:
 
     def begin(self) -> HostState:
         """Before the first step."""
+        self._new = True
         memories = [
             memory_of(self.learner, self.spec, self._config.steps, self._config.num_envs)
             for _ in self._keys
@@ -83,6 +85,7 @@ class Hosted:
 
     def resume(self, state: HostState, step: int) -> HostState:
         """The learners as they were, in new episodes: traces and correlated noise start anew."""
+        self._new = False
         mask, fresh = of_each_world(state.learner), self._fresh()
         kept = jax.tree.map(
             lambda leaf, new, each: new if each else leaf, state.learner, fresh, mask
@@ -98,8 +101,10 @@ class Hosted:
 
     def _started(self, learner: PyTree, memory: Any, step: int) -> HostState:
         """In new episodes, whose seeds follow from the run's and from the step."""
-        seeds = [self._seed(LEARNING, step, i) for i in range(self._worlds.num)]
-        observation = jnp.asarray(self._worlds.reset(seeds).reshape(*self._shape, -1))
+        words = self._config.seed, LEARNING, step
+        seeds = [host_seed(*words, i) for i in range(self._worlds.num)]
+        with in_training(self._config, step):
+            observation = jnp.asarray(self._worlds.reset(seeds).reshape(*self._shape, -1))
         self._left = False
         steps = jnp.full(self._config.seeds, step, dtype=int)
         action = self._first(self._keys, learner, observation, steps)
@@ -111,9 +116,6 @@ class Hosted:
     def _first(self) -> Callable[..., Any]:
         return jax.jit(jax.vmap(functools.partial(act, self.learner)))
 
-    def _seed(self, *words: int) -> int:
-        return int(np.random.SeedSequence([self._config.seed, *words]).generate_state(1)[0])
-
     def _carried_out(self, action: Action) -> Action:
         # A learner that is lost stops neither the others nor the interval at whose end it is named.
         action = jnp.where(jnp.isfinite(action), action, jnp.zeros_like(action))
@@ -121,19 +123,22 @@ class Hosted:
 
     def advance(self, state: HostState, steps: int) -> HostState:
         """That many steps of each learner on; in new episodes where the worlds have been left."""
-        if self._left:
+        if self._left or self._action is None:  # None: a world failed, who knows where it stands
             state = self.resume(state, int(state.steps[0]))
         drive, worlds = self._driver(state), self._worlds
-        size, action = self.spec.observation_size, self._action
+        size, action, self._action = self.spec.observation_size, self._action, None
         seen = np.empty((worlds.num, 2 * size + 4), np.float32)
         shaped = seen.reshape(*self._shape, -1)
-        for _ in range(steps // self._config.num_envs):
-            step = worlds.step(action)
-            seen[:, :size] = step.next_observation
-            seen[:, size:-4] = step.observation
-            seen[:, -4], seen[:, -3] = step.reward, step.terminated
-            seen[:, -2], seen[:, -1] = step.truncated, step.valid
-            action = drive(shaped)
+        begun, taken = int(state.steps[0]), 0
+        with in_training(self._config, begun, lambda: (drive.state, taken)):
+            while taken < steps:
+                step = worlds.step(action)
+                seen[:, :size] = step.next_observation
+                seen[:, size:-4] = step.observation
+                seen[:, -4], seen[:, -3] = step.reward, step.terminated
+                seen[:, -2], seen[:, -1] = step.truncated, step.valid
+                action = drive(shaped)
+                taken += self._config.num_envs
         self._action = action
         return drive.state
 
@@ -165,12 +170,12 @@ class Hosted:
         They are played in worlds of their own, unless there are none.
         """
         self._left |= in_same_world(self._config)
-        worlds, num = self._judged, self._judged.num
-        own = int(np.random.SeedSequence([seed, EVALUATION]).generate_state(1)[0])
+        worlds = Judged(self._judged, self._new)
+        num, own = worlds.num, host_seed(seed, EVALUATION)
         # The same episodes for all learners; of a vector environment each has several copies.
         copies = num // self._config.seeds
         observation = worlds.reset([own + i % copies for i in range(num)])
-        gamma, limit = float(discount(self.learner)), worlds.spec.time_limit
+        gamma = float(discount(self.learner))
         rows: list[list[tuple[float, ...]]] = [[] for _ in range(num)]
         action, first = self._worth(learners, observation)
         total, length, earned = (np.zeros(num) for _ in range(3))
@@ -188,11 +193,7 @@ class Hosted:
                 rows[i].append((total[i], length[i], earned[i] + tail, first[i]))
                 total[i] = length[i] = earned[i] = 0.0
                 first[i] = value[i]
-            if length.max() >= min(LONGEST, limit + 1):
-                raise ValueError(
-                    f"An episode of {self.spec.name!r} did not end in {int(length.max())} steps: "
-                    "cut it with time_limit."
-                )
+        self._new = False
         least = min(map(len, rows))
         table = np.array([row[:least] for row in rows]).reshape(self._config.seeds, -1, 4)
         return without_lost(Played(*np.moveaxis(table[:, :episodes], -1, 0)), learners)

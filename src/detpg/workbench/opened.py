@@ -21,6 +21,7 @@ from detpg.workbench.play import Played, finite_seeds
 from detpg.workbench.run import BEST, LAST
 from detpg.workbench.session import controller
 from detpg.workbench.tables import evaluations_table
+from detpg.world_error import WorldError
 from detpg.wrappers import Controller
 
 Which = Literal["best", "last"]
@@ -161,7 +162,11 @@ class OpenedRun:
             film = Film(worlds.spec.name, worlds.frame_rate)
             film.add(worlds.render())
             for _ in range(max_steps):
-                step = worlds.step(np.asarray(act(observation[0]))[None])
+                try:
+                    step = worlds.step(np.asarray(act(observation[0]))[None])
+                except WorldError as error:
+                    error.when = f"at step {len(frames):,} of the film"
+                    raise
                 observation = step.observation
                 over = bool(step.terminated[0] | step.truncated[0])
                 # The world stands in its next episode by then: its last picture is lost.

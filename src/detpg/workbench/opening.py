@@ -10,6 +10,7 @@ from detpg.integrations.gymnasium.batched import BatchedWorlds
 from detpg.integrations.gymnasium.layers import copies, gathering, layers, shared
 from detpg.integrations.gymnasium.plain import PlainWorlds
 from detpg.workbench.config import Config
+from detpg.world_error import WorldError
 
 IN_THE_SAME = (
     "judge in the one that trains, --judge-in-same-world (in Python judge_in_same_world=True), or "
@@ -85,7 +86,7 @@ def _judged(worlds: Any, config: Config, opened: Callable[[int], Any]) -> Any:
         return worlds if is_batch else PlainWorlds(copies(worlds)[:: config.num_envs])
     try:
         return opened(worlds.num if is_batch else config.seeds)
-    except ValueError as error:
+    except (ValueError, WorldError) as error:
         raise ValueError(
             "No second world can be opened for evaluations beside the one that trains "
             f"({str(error).rstrip('.')}): {IN_THE_SAME}."

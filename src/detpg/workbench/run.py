@@ -14,8 +14,9 @@ from detpg.integrations.tensorboard import Scalars
 from detpg.runs import Checkpoints, RunDirectoryError, numbered, write_arrays
 from detpg.types import Policy
 from detpg.workbench.config import Config
-from detpg.workbench.diagnosis import DivergedError, warnings
+from detpg.workbench.diagnosis import ended, warnings
 from detpg.workbench.engines import engine_of
+from detpg.workbench.failing import of_run
 from detpg.workbench.folder import CHECKPOINTS, opened
 from detpg.workbench.learners import learner
 from detpg.workbench.opening import how_judged
@@ -32,6 +33,7 @@ from detpg.workbench.tables import (
     read_table,
     write_table,
 )
+from detpg.world_error import WorldError
 
 TENSORBOARD = "tensorboard"
 BEST, LAST = "best.npz", "last.npz"
@@ -94,25 +96,27 @@ def train_in(
     Raises:
         RunDirectoryError: The directory holds another run, is in use, or cannot be written to.
         DivergedError: No learner is finite any more.
+        WorldError: The world raised, or returned what cannot be used.
         ValueError: What the configuration names does not exist or does not fit.
     """
-    engine = engine_of(config, world)
-    try:
-        if ".py:" in config.policy and own is None:
-            raise RunDirectoryError(needs_own(path, config))
-        policy = own_policy(own, engine.spec) if isinstance(own, str) else own
-        session = Session(config, engine, learner(config, engine.spec, policy))
-        session.check_steps("steps", config.steps)
-        with opened(path, config, engine.spec, engine.bounds):
-            started()
-            return _Recorder(path, session, report).train(should_stop)
-    except OSError as error:
-        raise RunDirectoryError(
-            f"{path} cannot be written to ({error.strerror}): make room or choose another "
-            "--output; the last checkpoint is untouched."
-        ) from error
-    finally:
-        engine.close()
+    with of_run(path, config, own if isinstance(own, str) else None):
+        engine = engine_of(config, world)
+        try:
+            if ".py:" in config.policy and own is None:
+                raise RunDirectoryError(needs_own(path, config))
+            policy = own_policy(own, engine.spec) if isinstance(own, str) else own
+            session = Session(config, engine, learner(config, engine.spec, policy))
+            session.check_steps("steps", config.steps)
+            with opened(path, config, engine.spec, engine.bounds):
+                started()
+                return _Recorder(path, session, report).train(should_stop)
+        except OSError as error:
+            raise RunDirectoryError(
+                f"{path} cannot be written to ({error.strerror}): make room or choose another "
+                "--output; the last checkpoint is untouched."
+            ) from error
+        finally:
+            engine.close()
 
 
 class _Recorder:
@@ -144,14 +148,26 @@ class _Recorder:
         return step
 
     def train(self, should_stop: Callable[[], bool]) -> Stopped:
-        """To the end, or until told to stop."""
+        """To the end, or until told to stop; if a world fails, what was learnt before is kept."""
+        try:
+            return self._train(should_stop)
+        except WorldError:
+            session, kept = self._session, self._checkpoints.steps
+            learnt = session.step > max(kept, default=0)
+            if learnt and len(session.lost()) < session.config.seeds:
+                self._keep()
+            raise
+
+    def _train(self, should_stop: Callable[[], bool]) -> Stopped:
         session, config = self._session, self._session.config
         with contextlib.closing(
             Scalars(self._path / TENSORBOARD, config.seeds, session.step)
         ) as scalars:
             began, first = time.perf_counter(), session.step
-            if session.step == 0:
-                self._evaluated(Interval(0, [], session.evaluate([]), {}))
+            if self._unjudged():
+                self._evaluated(Interval(session.step, [], session.evaluate([]), {}))
+                if session.step:
+                    self._keep()
             while session.step < config.steps:
                 interval = session.advance(config.steps)
                 stop = should_stop() and interval.step < config.steps
@@ -165,6 +181,12 @@ class _Recorder:
                 if stop:
                     return Stopped(interval.step, finished=False)
         return Stopped(session.step, finished=True)
+
+    def _unjudged(self) -> bool:
+        """Whether the evaluation of the step at hand is missing: a world may have failed in it."""
+        session, config = self._session, self._session.config
+        due = session.step % config.evaluate_every == 0 or session.step == config.steps
+        return due and session.step not in self._evaluations["step"].to_pylist()
 
     def _record(self, interval: Interval, scalars: Scalars, rate: float) -> None:
         self._rows += interval.rows
@@ -185,14 +207,11 @@ class _Recorder:
     def _diagnose(self, interval: Interval) -> None:
         config = self._session.config
         for seed, why in interval.lost.items():
-            self._say(seed, "lost", f"lost, {why}.")
+            self._say(seed, "lost", f"lost, {why.words}.")
         if len(interval.lost) == config.seeds:
             good = self._checkpoints.steps
             kept = f"the last good checkpoint is {good[-1]}" if good else "no checkpoint is kept"
-            raise DivergedError(
-                f"The run diverged: {interval.lost[0]}; {kept}. Lower the step sizes, or normalise "
-                "observations and rewards."
-            )
+            raise ended(interval.lost, self._session.engine.bounds, kept)
         if not any("train/policy_change" in row for row in interval.rows):
             return  # nothing was judged
         for seed in set(range(config.seeds)) - set(interval.lost):

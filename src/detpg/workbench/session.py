@@ -10,10 +10,11 @@ from jaxtyping import PyTree
 
 from detpg.types import Algorithm, Bounds, EnvironmentSpec
 from detpg.workbench.config import Config
-from detpg.workbench.diagnosis import faults
+from detpg.workbench.diagnosis import Fault, faults
 from detpg.workbench.lanes import grown
 from detpg.workbench.play import Played, bias, finite_seeds
 from detpg.workbench.tables import read_meter
+from detpg.world_error import WorldError
 from detpg.wrappers import Controller, Metered
 
 
@@ -81,7 +82,7 @@ class Interval(NamedTuple):
     step: int
     rows: list[dict[str, Any]]
     played: Played | None
-    lost: dict[int, str]
+    lost: dict[int, Fault]
 
 
 class Session:
@@ -134,14 +135,23 @@ class Session:
         """To the next row of metrics, or to the end."""
         every = self.config.log_every
         target = min(until, (self.step // every + 1) * every)
-        self.kept = self.kept._replace(
-            state=self.engine.advance(self.kept.state, target - self.step)
-        )
+        try:
+            state = self.engine.advance(self.kept.state, target - self.step)
+        except WorldError as error:
+            if error.reached is not None:  # what was learnt in part of the interval
+                state, taken = error.reached
+                self.kept, self.step = self.kept._replace(state=state), self.step + taken
+            raise
+        self.kept = unread = self.kept._replace(state=state)
         self.step = target
         rows = self._read() if target % every == 0 else []
-        lost = self._lost()
+        lost = self.lost()
         due = target % self.config.evaluate_every == 0 or target == until
-        played = self.evaluate(rows) if due and len(lost) < self.config.seeds else None
+        try:
+            played = self.evaluate(rows) if due and len(lost) < self.config.seeds else None
+        except WorldError:
+            self.kept = unread  # the rows are lost with the evaluation, what they tell is not
+            raise
         return Interval(target, rows, played, lost)
 
     def evaluate(self, rows: list[dict[str, Any]]) -> Played | None:
@@ -186,12 +196,13 @@ class Session:
         self.kept = self.kept._replace(state=state)
         return [{"seed": i, "step": self.step, **row} for i, row in enumerate(rows)]
 
-    def _lost(self) -> dict[int, str]:
+    def lost(self) -> dict[int, Fault]:
+        """Why each learner that is no longer finite is not."""
         learners = self.engine.metered(self.kept.state)
         finite = finite_seeds(learners, self.config.seeds)
         if isinstance(self.learner, Metered):
             return faults(learners.meter, finite)
-        why = f"a parameter is not finite at step {self.step}"
+        why = Fault(f"a parameter is not finite at step {self.step}", by_world=False)
         return {int(i): why for i in np.flatnonzero(~finite)}
 
     def _changes(self, learners: PyTree) -> np.ndarray:

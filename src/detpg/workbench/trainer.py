@@ -12,7 +12,7 @@ import numpy as np
 from detpg.runs import RunDirectoryError, numbered, plain, read_arrays, typed, write_arrays
 from detpg.types import Policy, hyper_parameters, switches
 from detpg.workbench.config import Config
-from detpg.workbench.diagnosis import DivergedError
+from detpg.workbench.diagnosis import ended
 from detpg.workbench.engines import engine_of
 from detpg.workbench.learners import algorithm_class, learner
 from detpg.workbench.own import check_imported, import_module_of
@@ -91,6 +91,8 @@ class Trainer:
 
         Raises:
             DivergedError: No learner is finite any more.
+            WorldError: The world raised, or returned what cannot be used: what was learnt before is
+                there, and a further call goes on from it in new episodes.
             ValueError: No steps.
         """
         if total_timesteps < 1:
@@ -101,7 +103,7 @@ class Trainer:
         while self.session.step < until:
             interval = self.session.advance(until)
             if len(interval.lost) == self.config.seeds:
-                raise DivergedError(f"The run diverged: {interval.lost[0]}. Lower the step sizes.")
+                raise ended(interval.lost, self.session.engine.bounds)
             if callback is not None and callback(interval) is False:
                 break
         return self

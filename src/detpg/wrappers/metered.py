@@ -22,7 +22,7 @@ from detpg.types import (
 )
 
 # What became non-finite first; 0: nothing did.
-QUANTITIES = ("nothing", "observation", "action", "reward", "TD error")
+QUANTITIES = ("nothing", "observation", "action", "reward", "next observation", "TD error")
 SUMS = (
     "steps",
     "episodes",
@@ -51,7 +51,8 @@ class Meter(eqx.Module):
         values: Sum of the critic's values.
         saturated: Sum of the shares of mean-action components on a bound.
         deviations: Sum of |a - mu_theta(s)|^2 / m, half ranges.
-        fault: Index in `QUANTITIES` of what became non-finite first.
+        fault: Index in `QUANTITIES` of what became non-finite first, and so many times their number
+            as its component.
         fault_step: Number of transitions before that, of the whole run.
         age: Number of transitions of the whole run.
         episode_return: Of the episode so far.
@@ -167,7 +168,8 @@ class Metered(eqx.Module):
             episode_return=total * (1 - ended),
             episode_length=length * (1 - ended),
         )
-        return _told(lived, transition.observation, transition.action, transition.reward)
+        t = transition
+        return _told(lived, t.observation, t.action, t.reward, t.next_observation)
 
 
 def _learnt(meter: Meter, info: Any) -> Meter:
@@ -182,10 +184,12 @@ def _learnt(meter: Meter, info: Any) -> Meter:
 
 
 def _told(meter: Meter, *seen: Float[Array, "..."], first: int = 1) -> Meter:
-    """With the first of some `QUANTITIES` that is not finite, and the step that it belongs to."""
-    finite = jnp.stack([jnp.all(jnp.isfinite(x)) for x in seen])
-    fault = jnp.where(jnp.all(finite), 0, jnp.argmin(finite) + first).astype(meter.fault.dtype)
-    new = (meter.fault == 0) & (fault > 0)
+    """With the first of some `QUANTITIES` that is not finite, its component and its step."""
+    finite = [jnp.atleast_1d(jnp.isfinite(x)) for x in seen]
+    kind = jnp.argmin(jnp.stack([jnp.all(fine) for fine in finite]))
+    component = jnp.stack([jnp.argmin(fine) for fine in finite])[kind]
+    fault = (kind + first + len(QUANTITIES) * component).astype(meter.fault.dtype)
+    new = (meter.fault == 0) & ~jnp.all(jnp.concatenate(finite))
     return dataclasses.replace(
         meter,
         fault=jnp.where(new, fault, meter.fault),

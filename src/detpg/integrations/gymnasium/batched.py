@@ -7,12 +7,13 @@ import gymnasium
 import numpy as np
 from gymnasium.error import Error
 from gymnasium.vector import AutoresetMode, VectorEnv
-from gymnasium.vector.utils import iterate
+from gymnasium.vector.utils import batch_space, iterate
 
 from detpg.integrations.gymnasium.filming import frame_rate
 from detpg.integrations.gymnasium.flat import FlatActions, FlatObservations
 from detpg.integrations.gymnasium.hosted import (
     Step,
+    close_all,
     limit_of,
     name_of,
     own_spec,
@@ -20,6 +21,16 @@ from detpg.integrations.gymnasium.hosted import (
     spec_of,
     whole_seeds,
 )
+from detpg.integrations.gymnasium.returned import (
+    THAT,
+    UnusableError,
+    blame,
+    checked_flags,
+    checked_reset,
+    checked_rewards,
+    step_values,
+)
+from detpg.world_error import WorldError
 
 
 class BatchedWorlds:
@@ -46,6 +57,7 @@ class BatchedWorlds:
         self.env, self.num = env, env.num_envs
         self._mode, self.frame_rate = _mode(env), frame_rate(env.metadata)
         self._observations = FlatObservations(env.single_observation_space)
+        self._space = batch_space(env.single_observation_space, self.num)
         self._actions = FlatActions(env.single_action_space, self.num)
         name, self.time_limit = _name_and_limit(env.unwrapped)
         own = own_spec(env.unwrapped)
@@ -57,24 +69,32 @@ class BatchedWorlds:
         seeds = whole_seeds(seeds, self.num)
         try:
             # Gymnasium's own take a list, though the base class speaks of one number.
-            seen, _ = self.env.reset(seed=seeds)  # pyright: ignore[reportArgumentType]
-        except (Error, TypeError):
-            seen, _ = self.env.reset(seed=seeds[0])
+            observation = self._begun(seed=seeds)
+        except WorldError as refused:
+            if not isinstance(refused.__cause__, Error | TypeError):
+                raise
+            observation = self._begun(seed=seeds[0])
         self.env.action_space.seed(seeds[0])
         self.env.single_action_space.seed(seeds[0])
         self._over = np.zeros(self.num, bool)
-        return self._flat(seen)
+        return observation
 
     def step(self, actions: Any) -> Step:
         """One step of each copy."""
         fresh = self._over if self._mode == AutoresetMode.NEXT_STEP else np.zeros(self.num, bool)
-        seen, reward, terminated, truncated, info = self.env.step(self._actions.legal(actions))
-        observation = self._flat(seen)
-        terminated, truncated = (np.asarray(end, bool) & ~fresh for end in (terminated, truncated))
-        reward = np.where(fresh, np.float32(0), np.asarray(reward, np.float32))
-        self._over, last = terminated | truncated, observation
-        if self._over.any() and self._mode == AutoresetMode.SAME_STEP:
-            last = self._final(observation, info)
+        legal = self._actions.legal(actions)
+        try:
+            returned = self.env.step(legal)
+            seen, reward, terminated, truncated = step_values(returned)
+            reward = np.where(fresh, np.float32(0), checked_rewards(reward, self.num))
+            terminated = checked_flags("terminated", terminated, self.num) & ~fresh
+            truncated = checked_flags("truncated", truncated, self.num) & ~fresh
+            last = observation = self._flat(seen)
+            self._over = terminated | truncated
+            if self._over.any() and self._mode == AutoresetMode.SAME_STEP:
+                last = self._final(observation, returned[4])
+        except Exception as error:  # a world of somebody else's may fail in any way
+            blame(self.spec.name, "step", error)
         if self._over.any() and self._mode == AutoresetMode.DISABLED:
             observation = self._restarted(observation)
         return Step(reward, last, terminated, truncated, observation, ~fresh)
@@ -83,21 +103,30 @@ class BatchedWorlds:
         return picture(self.spec.name, self.env)
 
     def close(self) -> None:
-        self.env.close()
+        close_all(self.spec.name, [self.env])
+
+    def _begun(self, **how: Any) -> np.ndarray:
+        """Where all copies stand after a reset."""
+        try:
+            return self._flat(checked_reset(self.env.reset(**how)))
+        except Exception as error:  # likewise
+            blame(self.spec.name, "reset", error)
 
     def _flat(self, seen: Any) -> np.ndarray:
-        return self._observations.batch(self.env.observation_space, seen, self.num)
+        return self._observations.batch(self._space, seen, self.num)
 
     def _final(self, observation: np.ndarray, info: dict[str, Any]) -> np.ndarray:
         """Where the steps led, of which `observation` tells only where no episode ended."""
         kept = info.get("final_obs") if isinstance(info, dict) else None
         if kept is None:
-            raise ValueError(
-                f"{self.spec.name} resets in the same step but gives no info['final_obs']: make it "
-                "with autoreset_mode=AutoresetMode.NEXT_STEP."
+            raise UnusableError(
+                "no info['final_obs'], though it resets in the same step: make it with "
+                "autoreset_mode=AutoresetMode.NEXT_STEP."
             )
         if not isinstance(kept, np.ndarray | list):
-            kept = list(iterate(self.env.observation_space, kept))
+            kept = list(iterate(self._space, kept))
+        if len(kept) != self.num:
+            raise UnusableError(f"{len(kept)} info['final_obs'] instead of {self.num}: {THAT}.")
         flat, memory = self._observations.rows(self.num)
         flat[...] = observation
         for i in np.flatnonzero(self._over).tolist():
@@ -106,8 +135,8 @@ class BatchedWorlds:
 
     def _restarted(self, observation: np.ndarray) -> np.ndarray:
         """Where all copies stand once those that are over have begun anew."""
-        seen, _ = self.env.reset(options={"reset_mask": self._over.copy()})
-        return np.where(self._over[:, None], self._flat(seen), observation)
+        begun = self._begun(options={"reset_mask": self._over.copy()})
+        return np.where(self._over[:, None], begun, observation)
 
 
 def _mode(env: VectorEnv) -> AutoresetMode:

@@ -11,9 +11,12 @@ from gymnasium.spaces.utils import flatdim, flatten, flatten_space
 from gymnasium.vector.utils import iterate
 
 from detpg.bounds import meant
+from detpg.integrations.gymnasium.returned import check_observation
 
 # Of the largest bound, and four last bits of float32: what may be cut off an action unsaid.
 SLACK = 4 * float(np.finfo(np.float32).eps)
+# What is copied into float32 without becoming infinite.
+FITTING = frozenset(map(np.dtype, ("f2", "f4", "u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8")))
 FITTING_ACTION = "give a Box of floats, such as Box(-1.0, 1.0, (2,))"
 FITTING_OBSERVATION = (
     "give a Box of numbers, or a Dict or Tuple of boxes, Discrete and MultiBinary spaces"
@@ -47,26 +50,39 @@ class FlatObservations:
         return memory if memory.ndim == 2 else memory.reshape(num, self.size), memory
 
     def put(self, memory: np.ndarray, i: int, observation: Any) -> None:
-        """Writes one observation; what a world does to its own array later is not seen."""
-        memory[i] = observation if self._is_box else self._flatten(observation)
+        """Writes one observation; what a world does to its own array later is not seen.
 
-    def check(self, observation: Any) -> None:
-        """Refuses a shape that writing would stretch without a word."""
-        shape = np.shape(observation if self._is_box else self._flatten(observation))
-        if shape != self._shape:
-            raise ValueError(
-                f"An observation has shape {shape}, but its space says {self._shape}: correct "
-                "the world's observation_space."
-            )
+        Raises:
+            UnusableError: It is not what its space says.
+        """
+        # Done at every step: what is right as it is costs a few comparisons.
+        if not (
+            self._is_box
+            and type(observation) is np.ndarray
+            and observation.shape == self._shape
+            and observation.dtype in FITTING
+        ):
+            observation = self._single(observation)
+        memory[i] = observation
 
-    def _flatten(self, observation: Any) -> Any:
-        return flatten(self.space, observation)
+    def _single(self, observation: Any) -> np.ndarray:
+        """As float32; what is too large for it becomes infinite, and is told of as that."""
+        check_observation(self.space, observation)
+        flat: Any = observation if self._is_box else flatten(self.space, observation)
+        with np.errstate(over="ignore"):
+            return np.asarray(flat).astype(np.float32)
 
     def batch(self, space: gymnasium.Space, observations: Any, num: int) -> np.ndarray:
-        """A batched space's observations as (num, d), always a copy."""
+        """A batched space's observations as (num, d), always a copy.
+
+        Raises:
+            UnusableError: They are not what the space says.
+        """
+        check_observation(space, observations)
         flat, memory = self.rows(num)
         if self._is_box:
-            memory[...] = observations
+            with np.errstate(over="ignore"):
+                memory[...] = observations
         else:
             for i, observation in enumerate(iterate(space, observations)):
                 self.put(memory, i, observation)

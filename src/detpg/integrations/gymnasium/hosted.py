@@ -1,5 +1,6 @@
 """What drives a learner from outside: worlds that step on the host, in NumPy arrays."""
 
+import warnings
 from collections.abc import Sequence
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
@@ -10,7 +11,9 @@ from gymnasium.vector import VectorEnv
 from gymnasium.wrappers import TimeLimit
 
 from detpg.integrations.gymnasium.flat import FlatActions, FlatObservations
+from detpg.integrations.gymnasium.returned import blame
 from detpg.types import Environment, EnvironmentSpec
+from detpg.world_error import sentence
 
 NO_TIME_LIMIT = 2**31 - 1  # in a spec, where none is known
 DISCOUNT = 0.99  # of a world that does not say
@@ -131,12 +134,18 @@ def picture(name: str, env: gymnasium.Env | VectorEnv) -> Any:
         drawn = env.render()
     except Error as error:
         raise ValueError(f"{name} cannot be drawn: {sentence(error)}") from error
+    except Exception as error:  # a world of somebody else's may fail in any way
+        blame(name, "render", error)
     if isinstance(env, VectorEnv) and drawn is not None:
         drawn = drawn[0]
     return drawn
 
 
-def sentence(error: Exception) -> str:
-    """What another library says, on one line with a full stop."""
-    words = " ".join(str(error).split()) or type(error).__name__
-    return words if words.endswith((".", "!", "?")) else f"{words}."
+def close_all(name: str, envs: Sequence[Any]) -> None:
+    """Closes them all; what one of them raises loses nothing, and is said alone."""
+    for env in envs:
+        try:
+            env.close()
+        except Exception as error:
+            words = f"The world {name!r} raised {type(error).__name__} in close: {sentence(error)}"
+            warnings.warn(f"{words} Nothing is lost.", RuntimeWarning, stacklevel=3)

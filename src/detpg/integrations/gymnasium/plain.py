@@ -11,6 +11,7 @@ from detpg.integrations.gymnasium.filming import frame_rate
 from detpg.integrations.gymnasium.flat import FlatActions, FlatObservations
 from detpg.integrations.gymnasium.hosted import (
     Step,
+    close_all,
     limit_of,
     name_of,
     own_spec,
@@ -18,6 +19,7 @@ from detpg.integrations.gymnasium.hosted import (
     spec_of,
     whole_seeds,
 )
+from detpg.integrations.gymnasium.returned import blame, checked_reset, checked_step
 
 
 class PlainWorlds:
@@ -53,10 +55,8 @@ class PlainWorlds:
         """New episodes in all worlds; a seed is the world's and its action space's."""
         flat, memory = self._observations.rows(self.num)
         for i, seed in enumerate(whole_seeds(seeds, self.num)):
-            seen, _ = self.envs[i].reset(seed=seed)
+            self._begin(memory, i, seed=seed)
             self.envs[i].action_space.seed(seed)
-            self._observations.check(seen)
-            self._observations.put(memory, i, seen)
         return flat
 
     def step(self, actions: Any) -> Step:
@@ -65,29 +65,38 @@ class PlainWorlds:
         last, memory = self._observations.rows(self.num)
         reward = np.empty(self.num, np.float32)
         terminated, truncated = np.empty(self.num, bool), np.empty(self.num, bool)
-        over = []
-        for i, env in enumerate(self.envs):
-            seen, reward[i], end, cut, _ = env.step(legal[i, ...])
-            self._observations.put(memory, i, seen)
-            terminated[i], truncated[i] = end, cut
-            if end or cut:
-                over.append(i)
-        observation = self._restarted(memory, over) if over else last
+        over, i = [], 0
+        try:
+            for i, env in enumerate(self.envs):
+                seen, reward[i], end, cut = checked_step(env.step(legal[i, ...]))
+                self._observations.put(memory, i, seen)
+                terminated[i], truncated[i] = end, cut
+                if end or cut:
+                    over.append(i)
+        except Exception as error:  # a world of somebody else's may fail in any way
+            blame(self.spec.name, "step", error, i)
+        observation = self.begun_anew(last, over) if over else last
         return Step(reward, last, terminated, truncated, observation, self._valid)
 
     def render(self) -> Any:
         return picture(self.spec.name, self.envs[0])
 
     def close(self) -> None:
-        for env in self.envs:
-            env.close()
+        close_all(self.spec.name, self.envs)
 
-    def _restarted(self, memory: np.ndarray, over: list[int]) -> np.ndarray:
-        """Where all worlds stand once those that are over have begun anew."""
-        memory = memory.copy()
+    def begun_anew(self, observation: np.ndarray, over: Sequence[int]) -> np.ndarray:
+        """Where all worlds stand once some have begun anew, of where they stood."""
+        flat, memory = self._observations.rows(self.num)
+        flat[...] = observation
         for i in over:
-            self._observations.put(memory, i, self.envs[i].reset()[0])
-        return memory.reshape(self.num, -1)
+            self._begin(memory, i)
+        return flat
+
+    def _begin(self, memory: np.ndarray, i: int, **how: Any) -> None:
+        try:
+            self._observations.put(memory, i, checked_reset(self.envs[i].reset(**how)))
+        except Exception as error:  # likewise
+            blame(self.spec.name, "reset", error, i)
 
     def _check_alike(self) -> None:
         spaces = self._actions.space, self._observations.size

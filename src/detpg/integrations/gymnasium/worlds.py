@@ -9,12 +9,14 @@ from collections.abc import Callable
 from typing import Any
 
 import gymnasium
+from gymnasium.error import Error
 from gymnasium.vector import VectorEnv
 from gymnasium.wrappers import TimeLimit
 
 from detpg.integrations.gymnasium.batched import BatchedWorlds
-from detpg.integrations.gymnasium.hosted import NO_TIME_LIMIT, Step, Worlds, sentence
+from detpg.integrations.gymnasium.hosted import NO_TIME_LIMIT, Step, Worlds, close_all
 from detpg.integrations.gymnasium.plain import PlainWorlds
+from detpg.world_error import WorldError, sentence
 
 __all__ = ["NO_TIME_LIMIT", "Step", "Worlds", "build", "open_worlds"]
 
@@ -43,6 +45,7 @@ def open_worlds(
 
     Raises:
         ValueError: What cannot be built or used, in one sentence.
+        WorldError: What makes them raised.
     """
     for name, value in (("num", num), ("time_limit", time_limit)):
         if value is not None and value < 1:
@@ -58,10 +61,9 @@ def open_worlds(
             if isinstance(made[0], VectorEnv):
                 return _taken(made[0], num, time_limit)
         return PlainWorlds(made)
-    except ValueError as error:
-        for env in made:
-            env.close()
-        if 0 < len(made) < num:
+    except Exception as error:
+        close_all(_name(environment), made)
+        if isinstance(error, ValueError | WorldError) and 0 < len(made) < num:
             raise ValueError(
                 f"{num} worlds cannot be open at once ({str(error).rstrip('.')}): take fewer, with "
                 "seeds and num_envs 1 a single one."
@@ -73,21 +75,48 @@ def build(make: str | Callable[..., Any], options: Options, time_limit: int | No
     """One environment, or a vector environment, from what makes it.
 
     Raises:
-        ValueError: Whatever stops it from being built, in one sentence.
+        ValueError: There is none of that name, or what is made is none.
+        WorldError: It raised something else.
     """
-    name = make if isinstance(make, str) else getattr(make, "__name__", type(make).__name__)
+    name = _name(make)
+    if not isinstance(make, str) and not callable(make):
+        raise ValueError(f"{_no_environment(name, make)}.")
     try:
         if isinstance(make, str):
             limit = {} if time_limit is None else {"max_episode_steps": time_limit}
             # What Gymnasium's checker looks at is looked at once, by detpg.testing.
-            return gymnasium.make(make, disable_env_checker=True, **{**options, **limit})
-        env = make(**options)
-    except Exception as error:  # a world of somebody else's may fail in any way
+            env = gymnasium.make(make, disable_env_checker=True, **{**options, **limit})
+        else:
+            env = make(**options)
+        if isinstance(env, gymnasium.Env):
+            _ = env.observation_space, env.action_space  # a world may forget them, or look them up
+    except (Error, ImportError) as error:
         raise ValueError(f"environment {name!r} cannot be built: {sentence(error)}") from error
+    except Exception as error:  # a world of somebody else's may fail in any way
+        words = f"{type(error).__name__}: {sentence(error)}"
+        raise WorldError(f"environment {name!r} cannot be built", words) from error
     if not isinstance(env, gymnasium.Env | VectorEnv):
-        kind = f"{type(env).__module__}.{type(env).__name__}"
-        raise ValueError(f"{name} made a {kind}: let it make a gymnasium.Env.")
-    return _limited(env, time_limit) if isinstance(env, gymnasium.Env) else env
+        raise ValueError(f"{name} made a {_no_environment(_kind(env), env)}.")
+    # An id is made with its limit, and a vector environment says itself when it ends.
+    return env if isinstance(make, str) or isinstance(env, VectorEnv) else _limited(env, time_limit)
+
+
+def _name(make: Any) -> str:
+    return make if isinstance(make, str) else getattr(make, "__name__", type(make).__name__)
+
+
+def _kind(env: Any) -> str:
+    return f"{type(env).__module__}.{type(env).__name__}"
+
+
+def _no_environment(name: str, env: Any) -> str:
+    """What an object is that was given for an environment, and how to make it one."""
+    if not hasattr(env, "step") or not hasattr(env, "reset"):
+        return f"{name}: let it make a gymnasium.Env"
+    return (
+        f"{name}, which is no gymnasium.Env: derive its class from that; of an environment of the "
+        "old gym, wrap it in shimmy.GymV21CompatibilityV0(env=...)"
+    )
 
 
 def _limited(env: gymnasium.Env, time_limit: int | None) -> gymnasium.Env:
