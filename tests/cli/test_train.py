@@ -215,9 +215,9 @@ def test_what_cannot_be_used_is_refused_and_leaves_nothing(
 @pytest.mark.parametrize("folder", ["runs/new", "empty", "kept"])
 def test_what_fails_at_its_first_episode_leaves_nothing(folder, tmp_path, capsys, monkeypatch):
     """The world's episodes do not end, which only playing it can show."""
-    from detpg.workbench import hosted
+    from detpg.workbench import judged
 
-    monkeypatch.setattr(hosted, "LONGEST", 20)
+    monkeypatch.setattr(judged, "LONGEST", 20)
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(Path(__file__).parents[1] / "workbench")
     import gymnasium
@@ -234,6 +234,7 @@ def test_what_fails_at_its_first_episode_leaves_nothing(folder, tmp_path, capsys
         main([*TRAIN, "Endless-v0", *flags])
     assert ended.value.code == 2
     assert capsys.readouterr().err.splitlines()[-1] == (
-        "detpg: An episode of 'Endless-v0' did not end in 20 steps: cut it with time_limit."
+        "detpg: An episode of 'Endless-v0' did not end in 20 steps, and no time limit is known: "
+        "give one (--time-limit N), or train without evaluations (--evaluation-episodes 0)."
     )
     assert sorted(tmp_path.rglob("*")) == before

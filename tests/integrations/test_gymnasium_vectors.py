@@ -7,6 +7,7 @@ from gymnasium.spaces import Box
 from gymnasium.vector import AutoresetMode, VectorEnv
 
 from detpg.integrations.gymnasium.worlds import Step, open_worlds
+from detpg.world_error import WorldError
 
 ONE = Box(-1.0, 1.0, (1,))
 
@@ -42,7 +43,9 @@ def test_a_vector_environment_of_ones_own():
     silent.tells = False
     worlds = open_worlds(silent)
     worlds.reset([0, 0])
-    with pytest.raises(ValueError, match=r"gives no info\['final_obs'\]: make it with autoreset_m"):
+    with pytest.raises(
+        WorldError, match=r"no info\['final_obs'\], though .*: make it with autoreset_m"
+    ):
         worlds.step(np.zeros((2, 1)))
     silent.metadata = {}
     with pytest.raises(

@@ -10,9 +10,10 @@ from slope import Slope
 
 from detpg.workbench import Config, train_in
 from detpg.workbench.compiled import Compiled
-from detpg.workbench.diagnosis import faults, warnings
+from detpg.workbench.diagnosis import Fault, faults, warnings
 from detpg.workbench.hosted import Hosted
 from detpg.wrappers import Meter
+from detpg.wrappers.metered import QUANTITIES
 
 HEALTHY = {
     "train/saturated": 0.1,
@@ -68,17 +69,24 @@ def test_a_value_below_the_return_is_no_overestimate():
 
 
 def test_faults_are_named_for_each_learner():
-    of_each = {"fault": [0, 3, 0, 4], "fault_step": [0, 17, 0, 5], "age": [40] * 4}
-    several = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, 4), Meter.new())
+    next_observation = QUANTITIES.index("next observation") + 2 * len(QUANTITIES)  # its third
+    of_each = {
+        "fault": [0, QUANTITIES.index("reward"), 0, QUANTITIES.index("TD error"), next_observation],
+        "fault_step": [0, 17, 0, 5, 6],
+        "age": [40] * 5,
+    }
+    several = jax.tree.map(lambda leaf: jnp.broadcast_to(leaf, 5), Meter.new())
     meter = eqx.tree_at(
         lambda tree: [getattr(tree, name) for name in of_each],
         several,
         list(map(jnp.asarray, of_each.values())),
     )
-    assert faults(meter, np.array([True, True, False, False])) == {
-        1: "the reward of step 17 is not finite",
-        2: "a parameter is not finite at step 40",
-        3: "the TD error of step 5 is not finite",
+    world = "the world returned what is not finite, as "
+    assert faults(meter, np.array([True, True, False, False, False])) == {
+        1: Fault(f"{world}the reward of step 18", by_world=True),
+        2: Fault("a parameter is not finite at step 40", by_world=False),
+        3: Fault("the TD error of step 6 is not finite", by_world=False),
+        4: Fault(f"{world}component 2 of the observation, at step 7", by_world=True),
     }
 
 
@@ -120,7 +128,7 @@ def test_one_lost_learner_of_two_is_named_and_the_other_goes_on(tmp_path, monkey
     small = {"policy": "linear", "value": "quadratic", "normalise": "none"}
     found = told(tmp_path / "run", seeds=2, **small)
     assert [words for words in found if "lost, " in words] == [
-        "seed 1: lost, the TD error of step 0 is not finite."
+        "seed 1: lost, the TD error of step 1 is not finite."
     ]
     table = pq.read_table(tmp_path / "run" / "evaluations.parquet").to_pylist()
     assert all(np.isfinite(row["return"]) == (row["seed"] == 0) for row in table)

@@ -17,7 +17,7 @@ from detpg.algorithms import ALGORITHMS
 from detpg.integrations.gymnasium.worlds import open_worlds
 from detpg.training import StepKeys
 from detpg.types import Bounds, EnvironmentSpec, Transition
-from detpg.workbench import Config, hosted
+from detpg.workbench import Config, judged
 from detpg.workbench.engines import engine_of
 from detpg.workbench.hosted import Hosted
 
@@ -68,7 +68,10 @@ def by_hand(name, num):
     key = jax.random.fold_in(jax.random.fold_in(jax.random.key(SEED), 0), 0)
     shared = learner.init(jax.random.split(key)[1])
     kept = [{field: getattr(shared, field) for field in own} for _ in range(num)]
-    seeds = [np.random.SeedSequence([SEED, 0, 0, i]).generate_state(1)[0] for i in range(num)]
+    seeds = [
+        int(np.random.SeedSequence([SEED, 0, 0, i]).generate_state(1)[0]) % (2**31 - 2**20)
+        for i in range(num)
+    ]
     worlds = [Slope() for _ in range(num)]
 
     def streams(step):
@@ -183,7 +186,9 @@ def test_a_lost_learner_leaves_the_other_alone(pair):
 def played_by_hand(policy, gamma, value, episodes, seed):
     """Returns, lengths, discounted returns with the tail's value, of one learner."""
     world, rows = Slope(), []
-    seen = world.reset(seed=int(np.random.SeedSequence([seed, 1]).generate_state(1)[0]))[0]
+    seen = world.reset(
+        seed=int(np.random.SeedSequence([seed, 1]).generate_state(1)[0]) % (2**31 - 2**20)
+    )[0]
     for _ in range(episodes):
         rewards, over = [], False
         while not over:
@@ -256,10 +261,13 @@ def test_vector_environments_are_judged_as_single_ones(pair):
 
 
 def test_an_episode_that_does_not_end_is_given_up(monkeypatch):
-    monkeypatch.setattr(hosted, "LONGEST", 25)
+    monkeypatch.setattr(judged, "LONGEST", 25)
     engine = engine_with(learner_of("copdac-q"), make=Endless)
     learners = engine.learners(engine.begin())
-    said = "An episode of 'Endless' did not end in 25 steps: cut it with time_limit."
+    said = (
+        "An episode of 'Endless' did not end in 25 steps, and no time limit is known: give one "
+        "(--time-limit N), or train without evaluations (--evaluation-episodes 0)."
+    )
     with pytest.raises(ValueError, match=f"^{re.escape(said)}$"):
         engine.play(learners, episodes=1, seed=0)
 

@@ -126,14 +126,14 @@ def test_a_world_of_which_one_can_be_open():
     make, made = rig()
     assert refused(make) == (
         "No second world can be opened for evaluations beside the one that trains (environment "
-        "'make' cannot be built: the port is busy): judge in the one that trains, "
+        "'make' cannot be built: OSError: the port is busy): judge in the one that trains, "
         "--judge-in-same-world (in Python judge_in_same_world=True), or not at all, "
         "--evaluation-episodes 0."
     )
     assert [world.closed for world in made] == [True]
     assert refused(make, seeds=3, **SAME) == (
-        "3 worlds cannot be open at once (environment 'make' cannot be built: the port is busy): "
-        "take fewer, with seeds and num_envs 1 a single one."
+        "3 worlds cannot be open at once (environment 'make' cannot be built: OSError: the port is "
+        "busy): take fewer, with seeds and num_envs 1 a single one."
     )
     assert [world.closed for world in made] == [True, True]
 

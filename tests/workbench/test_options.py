@@ -9,6 +9,7 @@ from slope import Slope
 from detpg.environments import LQR
 from detpg.workbench import Config, Trainer
 from detpg.workbench.engines import engine_of
+from detpg.world_error import WorldError
 
 SAME = {"judge_in_same_world": True}
 SMALL = {"policy": "linear", "value": "quadratic", "log_every": 10, "evaluate_every": 10}
@@ -33,9 +34,9 @@ def test_options_reach_what_builds_the_world(tmp_path):
     Trainer.load(tmp_path / "tank", environment=make)
     assert {(float(area), *leak) for area, leak in (tank.built for tank in built)} == {(2.5, 1)}
     assert trainer.config.environment == "make"
-    with pytest.raises(ValueError, match=r"^environment 'Tank' cannot be built: .*'area'\.$"):
+    with pytest.raises(WorldError, match=r"^environment 'Tank' cannot be built: .*'area'\.$"):
         Trainer("opdac", Tank, **SMALL)
-    with pytest.raises(ValueError, match=r"^environment 'Tank' cannot be built: .*'depth'\.$"):
+    with pytest.raises(WorldError, match=r"^environment 'Tank' cannot be built: .*'depth'\.$"):
         Trainer("opdac", Tank, **SMALL, environment_options={"area": 1, "depth": 2})
     with pytest.raises(ValueError, match=r"^The environment is built already and takes no area: "):
         Trainer("opdac", Slope(), **SMALL, **SAME, environment_options={"area": 1})

@@ -85,4 +85,3 @@ def test_a_trainer_remembers_however_long_it_learns(tmp_path):
     trainer.learn(40)
     check_equal(*(jax.tree.map(np.asarray, x.session.kept.state) for x in (trainer, loaded)))
     assert int(trainer.session.kept.state.memory[0].sizes[0]) == 80
-

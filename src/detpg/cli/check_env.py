@@ -68,6 +68,7 @@ class CheckEnv:
     def _findings(self) -> "list[Finding]":
         from detpg.environments import ENVIRONMENTS
         from detpg.testing import check_gymnasium
+        from detpg.world_error import WorldError
 
         options = environment_options(self.environment_option)
         try:
@@ -80,7 +81,7 @@ class CheckEnv:
                 time_limit=self.time_limit,
                 options=options,
             )
-        except ValueError as error:
+        except (ValueError, WorldError) as error:
             raise UserError(str(error)) from error
 
 

@@ -4,6 +4,7 @@ import contextlib
 import functools
 import os
 import sys
+import traceback
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
@@ -38,6 +39,7 @@ Command: Any = (
     | Annotated[List, tyro.conf.subcommand("list")]
 )
 
+TRACEBACK = "DETPG_TRACEBACK"  # an environment variable
 CONTINUE = ("train", "resume", "reproduce")  # go on where they stood
 
 
@@ -64,12 +66,25 @@ def main(arguments: Sequence[str] | None = None) -> None:
         with json_alone(for_good=arguments is None) if asked else contextlib.nullcontext():
             command.run()
     except UserError as error:
-        print(f"detpg: {error}", file=sys.stderr)
+        print(f"detpg: {error}{_where_it_failed(error)}", file=sys.stderr)
         raise SystemExit(2) from None
     except KeyboardInterrupt:
         again = "; run the same command again to continue" if words[0] in CONTINUE else ""
         print(f"detpg: stopped{again}.", file=sys.stderr)
         raise SystemExit(130) from None
+
+
+def _where_it_failed(error: UserError) -> str:
+    """How to see where a world of the user's failed, or that it is shown already."""
+    from detpg.world_error import WorldError
+
+    cause = error.__cause__
+    if not isinstance(cause, WorldError) or cause.__cause__ is None:
+        return ""
+    if not os.environ.get(TRACEBACK):
+        return f" (With {TRACEBACK}=1 before the command its traceback is shown.)"
+    traceback.print_exception(cause.__cause__)
+    return ""
 
 
 def _warn(message: Warning | str, *_: object, **__: object) -> None:

@@ -76,8 +76,10 @@ def told() -> Iterator[None]:
     import gymnasium
 
     from detpg.runs import RunDirectoryError
+    from detpg.world_error import WorldError
 
+    known = (ValueError, OSError, RunDirectoryError, WorldError, gymnasium.error.Error)
     try:
         yield
-    except (ValueError, OSError, RunDirectoryError, gymnasium.error.Error) as error:
+    except known as error:
         raise UserError(" ".join(str(error).split())) from error

@@ -164,6 +164,7 @@ def _go(config: "Config", path: Path, own: str | None, environment: str | None) 
     from detpg.workbench.diagnosis import DivergedError
     from detpg.workbench.own import import_module_of
     from detpg.workbench.run import train_in
+    from detpg.world_error import WorldError
 
     stop = _Stop()
     try:
@@ -171,7 +172,7 @@ def _go(config: "Config", path: Path, own: str | None, environment: str | None) 
         with _Shown(config, path) as shown, stop.listening():
             told = {"started": shown.started, "report": shown.show, "should_stop": stop.asked}
             ended = train_in(path, config, own=own, **told)
-    except (RunDirectoryError, DivergedError, ValueError) as error:
+    except (RunDirectoryError, DivergedError, WorldError, ValueError) as error:
         raise UserError(str(error)) from error
     if not ended.finished:
         print(f"stopped at step {ended.step:,}; continue with: {hints.resume(path, config, own)}")

@@ -1,6 +1,7 @@
 """What is known where a world fails: at which step of a run, and how to go on."""
 
 import contextlib
+import shlex
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -49,11 +50,12 @@ def of_run(path: Path, config: Config, own: str | None) -> Iterator[None]:
         if not kept:
             error.advice = "Nothing was learnt before."
             raise
-        words = "" if own is None else f" --own-policy {own}"
+        words = ["detpg", "resume", str(path)]
+        words += [] if own is None else ["--own-policy", own]
         if ":" in str(config.environment):
-            words += f" --own-environment {config.environment}"
+            words += ["--own-environment", str(config.environment)]
         error.advice = (
-            f"The last good checkpoint is {kept[-1]}: once the world is mended, go on with `detpg "
-            f"resume {path}{words}`."
+            f"The last good checkpoint is {kept[-1]}: once the world is mended, go on with "
+            f"`{shlex.join(words)}`."
         )
         raise
