@@ -143,11 +143,10 @@ def test_what_is_returned_wrongly_is_told_at_any_step(what, num):
     Faulty.faults = {4: put(place, value)}
     worlds = open_worlds(Faulty, num)
     worlds.reset(range(num))
-    with pytest.raises(
-        WorldError, match=f"'Faulty' returned from step what cannot be used.*{words}"
-    ):
-        for _ in range(4):
-            worlds.step(np.zeros((num, 1)))
+    for _ in range(3 // num):
+        worlds.step(np.zeros((num, 1)))
+    with pytest.raises(WorldError, match=f"'Faulty' returned from step what cannot .*{words}"):
+        worlds.step(np.zeros((num, 1)))
 
 
 @pytest.mark.parametrize("mode", list(AutoresetMode)[:2])

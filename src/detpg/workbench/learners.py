@@ -148,7 +148,8 @@ def _policy(config: Config, spec: EnvironmentSpec, recalls: bool) -> Policy:
     d, m = spec.observation_size, spec.action_size
     if config.policy in ("auto", "mlp"):
         plain = network(spec, config.hidden)
-        return NetworkPolicy(d, m, config.hidden, output=plain.output) if recalls else plain
+        output = "tanh" if plain.output == "tanh" else "linear"
+        return NetworkPolicy(d, m, config.hidden, output=output) if recalls else plain
     if config.policy == "linear":
         return LinearPolicy(d, m)
     if config.policy == "quadratic":

@@ -161,11 +161,11 @@ class OpenedRun:
             observation = worlds.reset([start])
             film = Film(worlds.spec.name, worlds.frame_rate)
             film.add(worlds.render())
-            for _ in range(max_steps):
+            for t in range(1, max_steps + 1):
                 try:
                     step = worlds.step(np.asarray(act(observation[0]))[None])
                 except WorldError as error:
-                    error.when = f"at step {len(frames):,} of the film"
+                    error.when = f"at step {t:,} of the film"
                     raise
                 observation = step.observation
                 over = bool(step.terminated[0] | step.truncated[0])
