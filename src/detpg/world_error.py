@@ -1,6 +1,10 @@
 """What is told of somebody else's world that fails: the fault is the world's, not the user's."""
 
+import os
+import traceback
 from typing import Any
+
+TRACEBACK = "DETPG_TRACEBACK"  # an environment variable: where a world raised is shown
 
 
 class WorldError(Exception):
@@ -32,3 +36,11 @@ def sentence(error: Exception) -> str:
     """What another library says, on one line with a full stop."""
     words = " ".join(str(error).split()) or type(error).__name__
     return words if words.endswith((".", "!", "?")) else f"{words}."
+
+
+def show(error: BaseException) -> bool:
+    """Prints the traceback of what a world raised, if that is asked for; whether it was."""
+    asked = bool(os.environ.get(TRACEBACK))
+    if asked:
+        traceback.print_exception(error)
+    return asked

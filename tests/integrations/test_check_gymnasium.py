@@ -121,8 +121,10 @@ def test_observations_outside_their_space():
         "In an observation, the dtype is float64, not float32."
     )
     findings = checked(Unlisted)
-    assert bad(findings)["observation space"] == "warning"
-    assert "is not in Dict" in of(findings, "observation space").found
+    assert of(findings, "steps").found == (
+        "Step 7 returned what cannot be used, the observation['which'] was 0 (int) instead of a "
+        "whole number from 1 to 2: let the world return that, or correct its observation_space."
+    )
 
 
 class Scaled(Point):

@@ -111,7 +111,9 @@ def test_worlds_that_break():
     assert found.level == "problem"
     assert found.found == "Step 5 raised RuntimeError: the arm is stuck."
     assert of(checked(Misshapen), "steps").found == (
-        "Step 1 raised ValueError: an observation has shape (1,), not (2,)."
+        "Step 1 returned what cannot be used, the observation was an array of shape (1,) and dtype "
+        "float32 instead of numbers of shape (2,): let the world return that, or correct its "
+        "observation_space."
     )
     assert of(checked(Closed), "steps").found == "The reset raised OSError: no robot."
 

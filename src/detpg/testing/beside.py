@@ -8,6 +8,7 @@ import gymnasium
 from detpg.integrations.gymnasium.layers import layers, shared
 from detpg.testing.findings import Finding, fine, problem, warning
 from detpg.testing.played import Play, play
+from detpg.world_error import WorldError
 
 SECOND = "second world"
 ONE = (
@@ -80,7 +81,7 @@ def judge_beside(env: gymnasium.Env, anew: Anew, alone: Play, seed: int) -> Find
     """
     try:
         other = anew()
-    except ValueError as error:
+    except (ValueError, WorldError) as error:
         return warning(SECOND, f"None can be opened beside the first: {error}", ONE)
     same = shared([env], [other])
     if same is not None:

@@ -10,7 +10,7 @@ from gymnasium.utils.env_checker import check_env
 from gymnasium.wrappers import TimeLimit
 
 from detpg.integrations.gymnasium.flat import FlatActions, FlatObservations
-from detpg.integrations.gymnasium.hosted import sentence
+from detpg.integrations.gymnasium.hosted import close_all, name_of
 from detpg.integrations.gymnasium.layers import gathering
 from detpg.integrations.gymnasium.plain import PlainWorlds
 from detpg.integrations.gymnasium.worlds import build, check_built
@@ -30,6 +30,7 @@ from detpg.testing.judgements import (
     judge_space,
 )
 from detpg.testing.played import Play, play
+from detpg.world_error import sentence
 
 STEPS, REPEATED = 2000, 500
 OWN = "Gymnasium's own checks"
@@ -61,6 +62,7 @@ def check_gymnasium(
 
     Raises:
         ValueError: What cannot be built at all, in one sentence.
+        WorldError: What makes it raised.
     """
     if steps < 1:
         raise ValueError(f"steps = {steps} is not usable: give 1 or more.")
@@ -77,7 +79,7 @@ def check_gymnasium(
         return _spaces(env) or [*_gymnasiums(env), *_ours(limited, anew, steps, seed)]
     finally:
         if not given:
-            env.close()
+            close_all(name_of(env.unwrapped), [env])
 
 
 def _spaces(env: gymnasium.Env) -> list[Finding]:
@@ -121,7 +123,7 @@ def _ours(env: gymnasium.Env, anew: Anew | None, steps: int, seed: int) -> list[
     worlds = PlainWorlds([env])
     few = min(REPEATED, max(steps // 4, 1))
     again = play(env, few, seed, seed, first.actions)
-    other = play(env, few, seed, seed + 1)
+    other = play(env, few, seed, (seed + 1) % 2**31)
     findings = [judge_bounds(worlds.spec), _seed(env, anew, worlds, first, again, seed)]
     if again.fault or other.fault:
         fault = again.fault or other.fault

@@ -10,6 +10,13 @@ from gymnasium.spaces import Box
 from gymnasium.spaces.utils import flatten
 
 from detpg.bounds import Bounds
+from detpg.integrations.gymnasium.returned import (
+    UnusableError,
+    check_observation,
+    checked_reset,
+    checked_step,
+)
+from detpg.world_error import show
 
 ROUNDING = 1e-6  # of a bound: what an observation may be beyond it
 
@@ -81,33 +88,38 @@ def play(
             warnings.simplefilter("ignore")  # `contains` warns of types; that is said in words
             _play(env, steps, seed, space if actions is None else actions, seen)
     except Exception as error:
-        words = " ".join(str(error).split())
-        where = f"step {len(seen.actions)}" if seen.actions else "the reset"
-        seen.fault = f"{where} raised {type(error).__name__}: {words}"
+        show(error)
+        seen.fault = _fault(error, len(seen.actions))
     return seen
+
+
+def _fault(error: Exception, step: int) -> str:
+    where = f"step {step}" if step else "the reset"
+    if isinstance(error, UnusableError):
+        return f"{where} returned what cannot be used, {str(error).rstrip('.')}"
+    return f"{where} raised {type(error).__name__}: {' '.join(str(error).split())}"
 
 
 def _play(
     env: gymnasium.Env, steps: int, seed: int, actions: Box | list[np.ndarray], play: Play
 ) -> None:
     space, length = env.observation_space, 0
-    latest, _ = env.reset(seed=seed)
+    latest = checked_reset(env.reset(seed=seed))
     _look(space, latest, play)
     for t in range(steps):
         held = latest
         action = actions.sample() if isinstance(actions, Box) else actions[t]
         play.actions.append(action.copy())
-        latest, reward, terminated, truncated, _ = env.step(action.copy())
+        latest, reward, *ends = checked_step(env.step(action.copy()))
         length += 1
         play.rewards.append(float(reward))
         _watch(space, held, play)
         _look(space, latest, play)
-        ends = bool(terminated), bool(truncated)
         play.steps.append((play.observations[-1].tobytes(), np.float64(reward).tobytes(), *ends))
         if any(ends):
             play.ended.append(Ended(length, *ends))
             held, length = latest, 0
-            latest, _ = env.reset()
+            latest = checked_reset(env.reset())
             _watch(space, held, play)
             _look(space, latest, play)
 
@@ -131,8 +143,7 @@ def _flat(space: gymnasium.Space, observation: Any) -> np.ndarray:
 
 def _look(space: gymnasium.Space, observation: Any, play: Play) -> None:
     """Keeps the observation, and what is wrong with it."""
-    if isinstance(space, Box) and np.shape(observation) != space.shape:
-        raise ValueError(f"an observation has shape {np.shape(observation)}, not {space.shape}")
+    check_observation(space, observation)
     play.observations.append(_flat(space, observation))
     if space.contains(observation):
         return

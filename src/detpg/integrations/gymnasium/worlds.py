@@ -92,13 +92,21 @@ def build(make: str | Callable[..., Any], options: Options, time_limit: int | No
             _ = env.observation_space, env.action_space  # a world may forget them, or look them up
     except (Error, ImportError) as error:
         raise ValueError(f"environment {name!r} cannot be built: {sentence(error)}") from error
-    except Exception as error:  # a world of somebody else's may fail in any way
+    except Exception as raised:  # a world of somebody else's may fail in any way
+        error = _own(raised)
         words = f"{type(error).__name__}: {sentence(error)}"
         raise WorldError(f"environment {name!r} cannot be built", words) from error
     if not isinstance(env, gymnasium.Env | VectorEnv):
         raise ValueError(f"{name} made a {_no_environment(_kind(env), env)}.")
     # An id is made with its limit, and a vector environment says itself when it ends.
     return env if isinstance(make, str) or isinstance(env, VectorEnv) else _limited(env, time_limit)
+
+
+def _own(error: Exception) -> Exception:
+    """What the world itself raised, where Gymnasium has added its words."""
+    inside = error.__cause__
+    added = "was raised from the environment creator" in str(error)
+    return inside if added and isinstance(inside, Exception) else error
 
 
 def _name(make: Any) -> str:

@@ -65,7 +65,10 @@ def checked(part: Part) -> Part:
             )
     numbers = {}
     for name in [x for x in NUMBERS if x in columns]:  # not inside: what warns counts frames
-        numbers[name] = _finite(part, name, columns[name])
+        column = columns[name]
+        if name == "next_observation":  # nobody looks at it where the episode has terminated
+            column = np.where(part.terminated[:, None] & (column != column), 0, column)
+        numbers[name] = _finite(part, name, column)
     if part.next_observation is not None and part.next_observation.shape != part.observation.shape:
         raise ValueError(
             f"next_observation has {part.next_observation.shape[1]} components and observation "
