@@ -13,12 +13,13 @@ import jax
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from gymnasium.envs.classic_control.pendulum import PendulumEnv
 
 from detpg import ALGORITHMS, ENVIRONMENTS, replaying
 from detpg.cli import main
 from detpg.runs import checkpoints, lock
 from detpg.types import switches
-from detpg.workbench import diagnosis
+from detpg.workbench import diagnosis, judged
 from detpg.workbench.tables import EVALUATIONS_SCHEMA, METRICS_SCHEMA
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -175,7 +176,30 @@ class RigEnv(gymnasium.Env):
 
 
 RIG = RigEnv()
+
+
+class FailingEnv(PendulumEnv):
+    """Raises in training, or returns what is not finite; every second one judges."""
+
+    made = 0
+
+    def __init__(self, reward=None):
+        super().__init__()
+        self.calls, self.reward = -1000 * (FailingEnv.made % 2), reward
+        FailingEnv.made += 1
+
+    def step(self, action):
+        self.calls += 1
+        seen, reward, *ends = super().step(action)
+        if self.calls == 33 and self.reward is None:
+            raise OSError("no link")
+        return seen, self.reward if self.calls == 33 else reward, *ends
+
+
 gymnasium.register("OneRig-v0", lambda: RIG)
+gymnasium.register("Failing-v0", FailingEnv, max_episode_steps=20)
+gymnasium.register("Broken-v0", FailingEnv, max_episode_steps=20, kwargs={"reward": float("nan")})
+gymnasium.register("Endless-v0", PendulumEnv)
 gymnasium.register(
     "Normalised-v0",
     lambda: gymnasium.wrappers.NormalizeObservation(gymnasium.make("Pendulum-v1")),
@@ -198,6 +222,7 @@ def led_into_faults(capsys, monkeypatch) -> list[str]:
         write(folder, content)
 
     monkeypatch.setattr(checkpoints, "_write", full)
+    monkeypatch.setattr(judged, "LONGEST", 50)
     calls = [
         f"{train} --steps 80 --output {named}",
         f"{train} --steps 80 --alpha-w 0.5 --output {named}",
@@ -215,6 +240,9 @@ def led_into_faults(capsys, monkeypatch) -> list[str]:
         "train opdac CartPole-v1",
         "train opdac OneRig-v0",
         "train opdac Normalised-v0",
+        f"train opdac Failing-v0 {SMALL} --steps 40 --output runs/failing",
+        f"train opdac Broken-v0 {SMALL.replace('40', '20')} --steps 40 --output runs/broken",
+        f"train opdac Endless-v0 {SMALL.replace('--time-limit 20', '')} --steps 40",
     ]
     found = [line for call in calls for line in detpg(call, capsys)]
     Path("runs/mine/checkpoints/000000000040/manifest.ocdbt").write_bytes(b"")

@@ -8,9 +8,10 @@ import pyarrow.parquet as pq
 import pytest
 from slope import Slope
 
+from detpg.types import Bounds
 from detpg.workbench import Config, train_in
 from detpg.workbench.compiled import Compiled
-from detpg.workbench.diagnosis import Fault, faults, warnings
+from detpg.workbench.diagnosis import Fault, ended, faults, warnings
 from detpg.workbench.hosted import Hosted
 from detpg.wrappers import Meter
 from detpg.wrappers.metered import QUANTITIES
@@ -87,6 +88,26 @@ def test_faults_are_named_for_each_learner():
         2: Fault("a parameter is not finite at step 40", by_world=False),
         3: Fault("the TD error of step 6 is not finite", by_world=False),
         4: Fault(f"{world}component 2 of the observation, at step 7", by_world=True),
+    }
+
+
+def test_what_ends_a_run_is_told_of_the_world_or_of_the_learner():
+    world = Fault("the world returned what is not finite, as the reward of step 7", by_world=True)
+    own = Fault("the TD error of step 9 is not finite", by_world=False)
+    box, line = Bounds((-1.0,), (1.0,)), Bounds((-1.0,), (jnp.inf,))
+    found = {
+        "only the world": ended({0: world}, box, "no checkpoint is kept"),
+        "a learner too": ended({0: world, 1: own}, box, "no checkpoint is kept"),
+        "driven there": ended({0: world}, line, "no checkpoint is kept"),
+    }
+    assert {what: f"{type(error).__name__} {error}" for what, error in found.items()} == {
+        "only the world": "WorldError The run is lost: the world returned what is not finite, as "
+        "the reward of step 7. Let it return finite numbers, or terminate where it breaks down.",
+        "a learner too": "DivergedError The run diverged: the TD error of step 9 is not finite; no "
+        "checkpoint is kept. Lower the step sizes, or normalise observations and rewards.",
+        "driven there": "DivergedError The run diverged: the world returned what is not finite, as "
+        "the reward of step 7; no checkpoint is kept. Its actions have no bounds: give it some, or "
+        "lower the step sizes; if they were small, mend the world.",
     }
 
 

@@ -95,7 +95,7 @@ def test_one_that_raises_in_an_evaluation_or_at_its_start(tmp_path):
     with pytest.raises(WorldError, match=r"RuntimeError in step, at step 3 of an evaluation"):
         run(tmp_path / "run")
     Faulty.faults = {"reset": RuntimeError("no start")}
-    with pytest.raises(WorldError, match=r"RuntimeError in reset.*Nothing was learnt before"):
+    with pytest.raises(WorldError, match=r"RuntimeError in reset.*No checkpoint is kept"):
         run(tmp_path / "other")
     assert not (tmp_path / "other").exists()
 

@@ -4,7 +4,6 @@ import contextlib
 import functools
 import os
 import sys
-import traceback
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
@@ -39,7 +38,6 @@ Command: Any = (
     | Annotated[List, tyro.conf.subcommand("list")]
 )
 
-TRACEBACK = "DETPG_TRACEBACK"  # an environment variable
 CONTINUE = ("train", "resume", "reproduce")  # go on where they stood
 
 
@@ -76,15 +74,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def _where_it_failed(error: UserError) -> str:
     """How to see where a world of the user's failed, or that it is shown already."""
-    from detpg.world_error import WorldError
+    from detpg.world_error import TRACEBACK, WorldError, show
 
     cause = error.__cause__
     if not isinstance(cause, WorldError) or cause.__cause__ is None:
         return ""
-    if not os.environ.get(TRACEBACK):
-        return f" (With {TRACEBACK}=1 before the command its traceback is shown.)"
-    traceback.print_exception(cause.__cause__)
-    return ""
+    shown = show(cause.__cause__)
+    return "" if shown else f" (With {TRACEBACK}=1 before the command its traceback is shown.)"
 
 
 def _warn(message: Warning | str, *_: object, **__: object) -> None:

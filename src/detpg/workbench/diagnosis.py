@@ -71,7 +71,9 @@ def ended(lost: dict[int, Fault], bounds: Bounds, kept: str = "") -> Exception:
         bounds: Of the actions: within bounds a world is never driven to where numbers end.
         kept: What is left of the run, in words.
     """
-    fault = lost[min(lost)]
+    found = [lost[seed] for seed in sorted(lost)]
+    # One that was lost by itself says more: the others may have been driven there likewise.
+    fault = min(found, key=lambda fault: fault.by_world)
     bounded = bool(np.all(np.isfinite(bounds)))
     if fault.by_world and bounded:
         mend = "Let it return finite numbers, or terminate where it breaks down."

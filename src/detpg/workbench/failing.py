@@ -48,7 +48,7 @@ def of_run(path: Path, config: Config, own: str | None) -> Iterator[None]:
     except WorldError as error:
         kept = Checkpoints(path / CHECKPOINTS).steps
         if not kept:
-            error.advice = "Nothing was learnt before."
+            error.advice = "No checkpoint is kept."
             raise
         words = ["detpg", "resume", str(path)]
         words += [] if own is None else ["--own-policy", own]
