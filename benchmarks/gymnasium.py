@@ -22,7 +22,7 @@ def overhead() -> tuple[float, str, float, float, str]:
     assert isinstance(engine, Hosted)
     state = engine.advance(run.kept.state, 100)
     leaves, structure = jax.tree.flatten(state)
-    program, keys = engine._program(structure), engine._keys
+    program, keys = engine._program, engine._keys
     env = gymnasium.make("Pendulum-v1", disable_env_checker=True)
     seen = np.zeros((1, 1, 2 * engine.spec.observation_size + 4), np.float32)
     size = engine.spec.observation_size
@@ -41,8 +41,8 @@ def overhead() -> tuple[float, str, float, float, str]:
                 observation, _ = env.reset()
             seen[0, 0, :size] = seen[0, 0, size:-4] = observation
             seen[0, 0, -4:] = reward, terminated, truncated, True
-            kept, chosen = program(keys, kept, seen)
-            action = np.asarray(chosen)[0]
+            kept, chosen = program(structure, keys, kept, seen)
+            action = np.asarray(chosen)[0, 0]
 
     value, baseline = least_seconds(ours, bare)
     env.close()

@@ -205,6 +205,19 @@ def test_the_spec_says_what_is_known():
     assert arm.spec.discount == OctopusArm().spec.discount
 
 
+class Old:
+    """An environment as gym had it before 0.26."""
+
+    def reset(self):
+        return np.zeros(3)
+
+    def step(self, action):
+        return np.zeros(3), 0.0, False, {}
+
+
+gymnasium.register("Old-v0", Old)
+
+
 @pytest.mark.parametrize(
     ("given", "options", "words"),
     [
@@ -221,7 +234,18 @@ def test_the_spec_says_what_is_known():
             r"^environment 'LunarLanderContinuous-v3' cannot be built",
         ),
         ("Pendulum-v1", {"options": {"mass": 1}}, r"^environment 'Pendulum-v1' .*'mass'"),
-        (dict, {}, r"^dict made a builtins\.dict: let it make a gymnasium\.Env\.$"),
+        (dict, {}, r"^dict made a builtins\.dict, which is no gymnasium\.Env: give one, its id or"),
+        (Old, {}, r"^Old made a .*\.Old, which is no gymnasium\.Env: derive its class .* shimmy\."),
+        (
+            Old(),
+            {},
+            r"^Old is no gymnasium\.Env: derive its class from that; one of the old gym can",
+        ),
+        (
+            "Old-v0",
+            {},
+            r"^environment 'Old-v0' is no gymnasium\.Env: derive its class from that; o",
+        ),
         (Counting, {"num": 0}, r"^num = 0 is not usable: give 1 or more\.$"),
         (Counting, {"time_limit": 0}, r"^time_limit = 0 is not usable"),
         (Counting(), {"num": 2}, r"^One environment cannot be 2 worlds: give its id, its class or"),

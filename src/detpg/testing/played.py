@@ -15,6 +15,7 @@ from detpg.integrations.gymnasium.returned import (
     check_observation,
     checked_reset,
     checked_step,
+    seen_through,
 )
 from detpg.world_error import show
 
@@ -94,7 +95,7 @@ def play(
 
 
 def _fault(error: Exception, step: int) -> str:
-    where = f"step {step}" if step else "the reset"
+    where, error = f"step {step}" if step else "the reset", seen_through(error)
     if isinstance(error, UnusableError):
         return f"{where} returned what cannot be used, {str(error).rstrip('.')}"
     return f"{where} raised {type(error).__name__}: {' '.join(str(error).split())}"

@@ -39,8 +39,7 @@ def blame(name: str, verb: str, error: Exception, index: int | None = None) -> N
     Raises:
         WorldError: Always.
     """
-    if OLD_STEP in str(error):
-        error = _wrong_number(4)
+    error = seen_through(error)
     if isinstance(error, UnusableError):
         what = f"The world {name!r} returned from {verb} what cannot be used"
         raise WorldError(what, str(error), index) from None
@@ -49,6 +48,11 @@ def blame(name: str, verb: str, error: Exception, index: int | None = None) -> N
     if isinstance(error, TypeError) and "unexpected keyword argument 'seed'" in str(error):
         hint = f" Let reset take seed and options: {OLD_API}."
     raise WorldError(what, sentence(error) + hint, index) from error
+
+
+def seen_through(error: Exception) -> Exception:
+    """The error itself, or what was returned where a wrapper of Gymnasium stumbled over that."""
+    return _wrong_number(4) if OLD_STEP in str(error) else error
 
 
 def checked_reset(returned: Any) -> Any:

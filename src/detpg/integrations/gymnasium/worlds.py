@@ -21,6 +21,10 @@ from detpg.world_error import WorldError, sentence
 __all__ = ["NO_TIME_LIMIT", "Step", "Worlds", "build", "open_worlds"]
 
 Options = dict[str, Any]
+NONE = "no gymnasium.Env: derive its class from that"
+OLD = "one of the old gym can be wrapped in shimmy.GymV21CompatibilityV0(env=...)"
+# What Gymnasium says where an id makes something else.
+NO_ENVIRONMENT = ("must inherit from the gymnasium.Env class", "Gym is incompatible with Gymnasium")
 
 
 def open_worlds(
@@ -80,7 +84,7 @@ def build(make: str | Callable[..., Any], options: Options, time_limit: int | No
     """
     name = _name(make)
     if not isinstance(make, str) and not callable(make):
-        raise ValueError(f"{_no_environment(name, make)}.")
+        raise ValueError(f"{name} is {_no_environment(make)}.")
     try:
         if isinstance(make, str):
             limit = {} if time_limit is None else {"max_episode_steps": time_limit}
@@ -94,10 +98,13 @@ def build(make: str | Callable[..., Any], options: Options, time_limit: int | No
         raise ValueError(f"environment {name!r} cannot be built: {sentence(error)}") from error
     except Exception as raised:  # a world of somebody else's may fail in any way
         error = _own(raised)
+        if any(words in str(error) for words in NO_ENVIRONMENT):
+            raise ValueError(f"environment {name!r} is {NONE}; {OLD}.") from error
         words = f"{type(error).__name__}: {sentence(error)}"
         raise WorldError(f"environment {name!r} cannot be built", words) from error
     if not isinstance(env, gymnasium.Env | VectorEnv):
-        raise ValueError(f"{name} made a {_no_environment(_kind(env), env)}.")
+        kind = f"{type(env).__module__}.{type(env).__name__}"
+        raise ValueError(f"{name} made a {kind}, which is {_no_environment(env)}.")
     # An id is made with its limit, and a vector environment says itself when it ends.
     return env if isinstance(make, str) or isinstance(env, VectorEnv) else _limited(env, time_limit)
 
@@ -113,18 +120,10 @@ def _name(make: Any) -> str:
     return make if isinstance(make, str) else getattr(make, "__name__", type(make).__name__)
 
 
-def _kind(env: Any) -> str:
-    return f"{type(env).__module__}.{type(env).__name__}"
-
-
-def _no_environment(name: str, env: Any) -> str:
-    """What an object is that was given for an environment, and how to make it one."""
-    if not hasattr(env, "step") or not hasattr(env, "reset"):
-        return f"{name}: let it make a gymnasium.Env"
-    return (
-        f"{name}, which is no gymnasium.Env: derive its class from that; of an environment of the "
-        "old gym, wrap it in shimmy.GymV21CompatibilityV0(env=...)"
-    )
+def _no_environment(env: Any) -> str:
+    """How to make an environment of what was given for one."""
+    steps = hasattr(env, "step") and hasattr(env, "reset")
+    return f"{NONE}; {OLD}" if steps else "no gymnasium.Env: give one, its id or what makes one"
 
 
 def _limited(env: gymnasium.Env, time_limit: int | None) -> gymnasium.Env:
