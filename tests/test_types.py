@@ -77,7 +77,8 @@ def test_a_switch_that_cannot_be_is_refused(option, words):
 def test_every_static_option_of_an_algorithm_is_a_switch_that_says_what_it_does(name):
     kind = ALGORITHMS[name]
     options = {f.name for f in dataclasses.fields(kind) if f.metadata.get("static")}
-    parts = {"policy", "action_value", "state_value", "features", "bounds", "action_size"}
+    parts = {"policy", "action_value", "action_values", "state_value", "features", "noise"}
+    parts |= {"bounds", "action_size"}
     assert options - parts == set(switches(kind))
     assert all(len(field.metadata["switch"]) > 5 for field in switches(kind).values())
 

@@ -7,6 +7,7 @@ from gymnasium import wrappers
 from points import LENGTH, Point, bad, checked, of
 
 from detpg.testing import check_gymnasium
+from detpg.world_error import WorldError
 
 
 class Remembering(Point):
@@ -179,7 +180,7 @@ class Made(Point):
 def test_options_reach_the_world():
     assert bad(checked(Made, options={"unit": 1.0})) == {}
     assert bad(checked(Made, options={"unit": 1000.0})) == {"reward scale": "warning"}
-    with pytest.raises(ValueError, match=r"^environment 'Made' cannot be built: .*'unit'\.$"):
+    with pytest.raises(WorldError, match=r"^environment 'Made' cannot be built: .*'unit'\.$"):
         check_gymnasium(Made)
     with pytest.raises(ValueError, match=r"is built already and takes no unit: give its id, or "):
         check_gymnasium(Point(), options={"unit": 1.0})

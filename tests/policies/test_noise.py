@@ -52,7 +52,7 @@ def test_a_stretch_is_walked_through_and_begins_anew_with_an_episode():
     for key in keys[1:3]:
         state = onwards(key, colour, state, going)
         seen.append(np.asarray(state.value))
-    np.testing.assert_allclose(seen, drawn, rtol=1e-5)
+    np.testing.assert_allclose(seen, drawn, rtol=1e-5, atol=1e-6)
     used_up = onwards(keys[3], colour, state, going)
     np.testing.assert_allclose(
         np.asarray(used_up.stretch), np.asarray(noise.draw(keys[3], colour)), rtol=1e-5

@@ -35,6 +35,8 @@ def fits(algorithm, policy, value):
         return policy in ("auto", "quadratic", "tiles")
     if algorithm == "dac" and value == "quadratic":
         return policy in ("auto", "mlp")  # what starts at zero would stay there
+    if "action_values" in parts_of(ALGORITHMS[algorithm]):
+        return value == "mlp"
     return value != "tiles" or "state_value" in parts_of(ALGORITHMS[algorithm])
 
 
@@ -128,7 +130,7 @@ def test_ones_own_policy_goes_before_the_kinds():
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ({"algorithm": "ddpg"}, "algorithm 'ddpg' is unknown: choose one of "),
+        ({"algorithm": "sac"}, "algorithm 'sac' is unknown: choose one of "),
         ({"policy": "big"}, "policy 'big' is unknown: choose one of mlp, linear, tiles, quad"),
         ({"options": {"alpha": 1.0}}, "alpha is no option of opdac: choose from gamma, "),
         ({"options": {"sigma": -1.0}}, "sigma = -1 is not usable: give a finite number between"),

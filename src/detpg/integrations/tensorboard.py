@@ -19,9 +19,9 @@ class Scalars:
         """
         from tensorboardX import SummaryWriter
 
-        self._writers = [
-            SummaryWriter(str(path / f"seed{i}"), purge_step=step + 1) for i in range(seeds)
-        ]
+        # A file is named by its second alone: a run resumed within it would write over the first.
+        own = {"purge_step": step + 1, "filename_suffix": f".{step}"}
+        self._writers = [SummaryWriter(str(path / f"seed{i}"), **own) for i in range(seeds)]
 
     def write(self, seed: int, step: int, values: Mapping[str, Any]) -> None:
         """Adds the values that are finite numbers; others could not be drawn."""

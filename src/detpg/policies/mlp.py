@@ -10,8 +10,8 @@ from jaxtyping import Array, PRNGKeyArray, PyTree
 from detpg.checks import check_choices
 from detpg.types import Action, Observation
 
-Unit = Literal["linear", "tanh", "sigmoid"]
-UNITS = {"linear": lambda x: x, "tanh": jnp.tanh, "sigmoid": jax.nn.sigmoid}
+Unit = Literal["linear", "tanh", "sigmoid", "relu"]
+UNITS = {"linear": lambda x: x, "tanh": jnp.tanh, "sigmoid": jax.nn.sigmoid, "relu": jax.nn.relu}
 
 
 @dataclasses.dataclass(frozen=True)

@@ -14,7 +14,7 @@ from detpg.features.tile_coding import MARGIN, TileCoding
 from detpg.integrations.export import reader
 from detpg.integrations.export.loaded import Loaded
 from detpg.integrations.export.parts import mean_policy, parts_of
-from detpg.policies import ConstantPolicy, FeaturePolicy, LinearPolicy, MLPPolicy
+from detpg.policies import ConstantPolicy, FeaturePolicy, LinearPolicy, MLPPolicy, NetworkPolicy
 from detpg.types import Bounds
 from detpg.wrappers import Controller
 
@@ -90,6 +90,14 @@ def _mlp(mu: MLPPolicy, theta: PyTree) -> dict[str, Any]:
     return {"kind": "mlp", "layers": layers}
 
 
+def _network(mu: NetworkPolicy, theta: PyTree) -> dict[str, Any]:
+    if mu.norm != "none":
+        raise ValueError(
+            "JSON cannot describe a policy with LayerNorm: export it with the format onnx or jax."
+        )
+    return _mlp(MLPPolicy(1, 1, mu.hidden, "relu", mu.output), theta)
+
+
 def _on_features(mu: FeaturePolicy, theta: PyTree) -> dict[str, Any]:
     x = mu.features
     described = _known(FEATURES, x, "feature map")(x)
@@ -115,6 +123,7 @@ POLICIES: dict[type, Callable] = {
     LinearPolicy: lambda mu, theta: {"kind": "linear", "theta": _numbers(theta)},
     FeaturePolicy: _on_features,
     MLPPolicy: _mlp,
+    NetworkPolicy: _network,
 }
 FEATURES: dict[type, Callable] = {
     QuadraticFeatures: lambda x: {"kind": "quadratic"},

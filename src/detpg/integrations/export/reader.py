@@ -4,7 +4,12 @@ import json
 
 import numpy as np
 
-UNITS = {"linear": lambda x: x, "tanh": np.tanh, "sigmoid": lambda x: (1 + np.tanh(x / 2)) / 2}
+UNITS = {
+    "linear": lambda x: x,
+    "tanh": np.tanh,
+    "sigmoid": lambda x: (1 + np.tanh(x / 2)) / 2,
+    "relu": lambda x: np.maximum(x, 0),
+}
 
 
 def features(x, s):
