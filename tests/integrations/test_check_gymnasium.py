@@ -184,8 +184,10 @@ def test_scales_that_need_a_normaliser():
         (273.15, 0.1, False),
     ],
 )
-def test_an_offset_in_which_single_precision_loses_the_signal(offset, step, told):
-    seen = [np.asarray([np.sin(t), offset + step * t]) for t in range(400)]
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])  # of what the world hands out
+def test_an_offset_in_which_single_precision_loses_the_signal(offset, step, told, dtype):
+    told_of = [np.asarray([np.sin(t), offset + step * t], dtype) for t in range(400)]
+    seen = [observation.astype(np.float64) for observation in told_of]
     found = judge_observation_scale(Play(observations=seen, rewards=[0.0] * 399))
     assert [each.level for each in found if each.level == "problem"] == ["problem"] * told
     if offset == 1.7e9 and told:

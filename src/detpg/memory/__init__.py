@@ -4,6 +4,6 @@ In: transitions as they happened, in raw units. Out: batches drawn at random, of
 Next: `detpg.algorithms` that learn from recalled batches.
 """
 
-from detpg.memory.ring import Memory, empty, num_bytes, recall, remember
+from detpg.memory.ring import Memory, cut, empty, num_bytes, recall, remember
 
-__all__ = ["Memory", "empty", "num_bytes", "recall", "remember"]
+__all__ = ["Memory", "cut", "empty", "num_bytes", "recall", "remember"]

@@ -82,6 +82,16 @@ def remember(
     return Memory(rows, memory.added + counted.astype(int), memory.action_size)
 
 
+def cut(memory: Memory) -> Memory:
+    """As if a time limit had ended each world's episode: what follows belongs to another one."""
+    worlds, rows = memory.rows.shape[:2]
+    newest = (memory.added - 1) % rows
+    old = memory.rows[jnp.arange(worlds), newest, -1]
+    flags = jnp.where(memory.added > 0, jnp.ones_like(old), old)
+    marked = memory.rows.at[jnp.arange(worlds), newest, -1].set(flags)
+    return Memory(marked, memory.added, memory.action_size)
+
+
 def recall(key: PRNGKeyArray, memory: Memory, batch: int, n: int = 1) -> Recalled:
     """A batch drawn uniformly from all that is remembered, with replacement.
 

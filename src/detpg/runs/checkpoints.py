@@ -120,13 +120,23 @@ def _load(folder: Path, like: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
 
     with orbax.Checkpointer(orbax.StandardCheckpointHandler()) as reader:
         found = reader.restore(folder, args=orbax.args.StandardRestore(like, strict=False))
-    return {name: _grown(array, like[name].shape) for name, array in found.items()}
+    return {name: _fitted(array, like[name].shape) for name, array in found.items()}
 
 
-def _grown(array: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
-    """Filled up with zeros: the memory of a run that is made longer holds more than it did."""
-    more = [(0, new - old) for old, new in zip(array.shape, shape, strict=True)]
-    return np.pad(array, more) if array.shape != shape else array
+def _fitted(array: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    """As it is, or a memory (worlds, rows, columns) with at least as many rows as are asked for.
+
+    Raises:
+        RunDirectoryError: It is of another shape.
+    """
+    if array.shape == shape:
+        return array
+    if not len(shape) == array.ndim == 3 or array.shape[::2] != shape[::2]:
+        raise RunDirectoryError(
+            f"A checkpoint holds numbers of shape {array.shape} where {shape} are needed: give the "
+            "environment and the policy that the run was begun with."
+        )
+    return np.pad(array, ((0, 0), (0, max(shape[1] - array.shape[1], 0)), (0, 0)))
 
 
 def _digests(folder: Path) -> dict[str, str]:

@@ -175,12 +175,18 @@ def judge_observation_scale(play: Play) -> list[Finding]:
 
 
 def _lost_in_single(seen: np.ndarray) -> np.ndarray:
-    """Components most of whose changes, of weight beside their spread, vanish in float32."""
+    """Components most of whose changes, of weight beside their spread, vanish in float32.
+
+    They may have vanished before: then the component stands still, and moves by a last bit at once.
+    """
     rounded = seen.astype(np.float32)
-    changes = np.diff(seen, axis=0) != 0
-    vanished = np.sum(changes & (np.diff(rounded, axis=0) == 0), axis=0)
-    coarse = np.spacing(np.abs(rounded).max(axis=0)) > COARSE * np.std(seen, axis=0)
-    return np.flatnonzero(coarse & (2 * vanished > changes.sum(axis=0)))
+    steps = np.diff(seen, axis=0)
+    changes = np.count_nonzero(steps, axis=0)
+    vanished = np.sum((steps != 0) & (np.diff(rounded, axis=0) == 0), axis=0)
+    spacing = np.spacing(np.abs(rounded).max(axis=0)).astype(float)
+    coarse = spacing > COARSE * np.std(seen, axis=0)
+    jumps = (changes > 0) & (2 * changes < len(steps)) & np.all(steps % spacing == 0, axis=0)
+    return np.flatnonzero(coarse & (2 * vanished > changes) | coarse & jumps)
 
 
 def judge_observation_bounds(play: Play, spec: EnvironmentSpec) -> list[Finding]:
@@ -232,7 +238,7 @@ def judge_ends(play: Play, limit: int | None) -> Finding:
             check,
             f"No episode ended in {steps} steps, and no time limit is known.",
             "Give a time limit (--time-limit, or max_episode_steps where it is registered): "
-            "without one no evaluation ends.",
+            "without one training refuses to evaluate in it.",
         )
     if not play.ended:
         return fine(check, f"No episode ended in {steps} steps; the time limit is {limit}.")
@@ -252,7 +258,7 @@ def judge_ends(play: Play, limit: int | None) -> Finding:
         return warning(
             check,
             f"{ends}; no time limit is known.",
-            "Give a time limit (--time-limit, or max_episode_steps where it is registered): a "
-            "policy that never ends an episode is else evaluated for ever.",
+            "Give a time limit (--time-limit, or max_episode_steps where it is registered): the "
+            "evaluation of a policy that never ends an episode is else cut after 10,000 steps.",
         )
     return fine(check, f"{ends}; the time limit is {'not known' if limit is None else limit}.")

@@ -30,6 +30,7 @@ class Compiled:
         bounds: Of the actions, in the world's own units.
         exact: Whether a resumed run equals one that was never stopped.
         resume_note: What a user is told about resuming.
+        reached: Where an interval that was broken off stood, and the steps that led there.
     """
 
     exact = True
@@ -38,6 +39,7 @@ class Compiled:
     def __init__(self, config: Config, environment: Environment):
         """Wraps a world; compiles nothing yet."""
         self.world, self._config = environment, config
+        self.reached: tuple[TrainState, int] | None = None
         limit = config.time_limit or environment.spec.time_limit
         self._environment = ScaledActions(TimeLimited(environment, limit))
         self.spec: EnvironmentSpec = self._environment.spec
@@ -77,11 +79,23 @@ class Compiled:
     def advance(self, state: TrainState, steps: int) -> TrainState:
         """That many steps on."""
         if self.learner.experience.kind == "recalled":
-            run = self._alone(steps)
-            return joined(
-                each(lambda i: run(self.learner, self._keys[i], lane(state, i)), len(self._keys))
-            )
+            return self._advance_apart(state, steps)
         return self._program(steps)(self.learner, self._keys, state)
+
+    def _advance_apart(self, state: TrainState, steps: int) -> TrainState:
+        run, done, self.reached = self._alone(steps), {}, None
+
+        def one(i: int) -> TrainState:
+            done[i] = run(self.learner, self._keys[i], lane(state, i))
+            return done[i]
+
+        num = len(self._keys)
+        try:
+            return joined(each(one, num))
+        except BaseException:  # Ctrl-C: what a memory was given away for must not be lost
+            if len(done) == num:
+                self.reached = joined([done[i] for i in range(num)]), steps
+            raise
 
     def learners(self, state: TrainState) -> PyTree:
         """States of the learners, seeds first."""

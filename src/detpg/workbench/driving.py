@@ -82,7 +82,9 @@ class Apart:
 
     @property
     def state(self) -> HostState:
-        """Where they stand now."""
+        """Where they stand at last; none is under way any more."""
+        if self._threads is not None:
+            self._threads.shutdown()
         return joined([jax.tree.unflatten(self._structure, leaves) for leaves in self._leaves])
 
     def __call__(self, seen: np.ndarray) -> np.ndarray:

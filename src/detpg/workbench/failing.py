@@ -35,13 +35,14 @@ def in_training(
 
 
 @contextlib.contextmanager
-def of_run(path: Path, config: Config, own: str | None) -> Iterator[None]:
+def of_run(path: Path, config: Config, own: str | None, named: bool) -> Iterator[None]:
     """Says how to go on once the world is mended.
 
     Args:
         path: Of the run.
         config: Of the run.
         own: The user's policy as FILE.py:NAME, where there is one.
+        named: Whether the command line can build the world and the policy again.
     """
     try:
         yield
@@ -49,6 +50,12 @@ def of_run(path: Path, config: Config, own: str | None) -> Iterator[None]:
         kept = Checkpoints(path / CHECKPOINTS).steps
         if not kept:
             error.advice = "No checkpoint is kept."
+            raise
+        if not named:
+            error.advice = (
+                f"The last good checkpoint is {kept[-1]}: once the world is mended, call train_in "
+                "again with it."
+            )
             raise
         words = ["detpg", "resume", str(path)]
         words += [] if own is None else ["--own-policy", own]

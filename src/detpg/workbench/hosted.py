@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Array, PyTree
 
 from detpg.learning import memory_of
+from detpg.memory import cut
 from detpg.policies import cap
 from detpg.types import Action, Algorithm
 from detpg.workbench.compiled import EVALUATION, LEARNING, host_seed, learner_keys
@@ -21,6 +22,7 @@ from detpg.workbench.judged import Judged
 from detpg.workbench.learners import check_episodes
 from detpg.workbench.opening import in_same_world, open_apart
 from detpg.workbench.play import Played, discount, without_lost, worth
+from detpg.world_error import WorldError
 from detpg.wrappers import of_each_world, several_worlds
 from detpg.wrappers.controller import in_world_units
 
@@ -33,6 +35,7 @@ class Hosted:
         spec: Of the world, actions in units of the box.
         exact: Whether a resumed run equals one that was never stopped.
         resume_note: What a user is told about resuming.
+        reached: Where an interval that was broken off stood, and the steps that led there.
     """
 
     exact = False
@@ -56,6 +59,7 @@ class Hosted:
         low, high = self.bounds.scaled
         self.spec = dataclasses.replace(self._worlds.spec, action_low=low, action_high=high)
         self._action: np.ndarray | None = None
+        self.reached: tuple[HostState, int] | None = None
         self._new = False  # whether nothing was judged yet
 
     def use(self, learner: Algorithm) -> None:
@@ -90,7 +94,8 @@ class Hosted:
         kept = jax.tree.map(
             lambda leaf, new, each: new if each else leaf, state.learner, fresh, mask
         )
-        return self._started(kept, state.memory, step)
+        memory = None if state.memory is None else tuple(map(cut, state.memory))
+        return self._started(kept, memory, step)
 
     def _fresh(self) -> PyTree:
         """The learners before the first step."""
@@ -129,16 +134,22 @@ class Hosted:
         size, action, self._action = self.spec.observation_size, self._action, None
         seen = np.empty((worlds.num, 2 * size + 4), np.float32)
         shaped = seen.reshape(*self._shape, -1)
-        begun, taken = int(state.steps[0]), 0
-        with in_training(self._config, begun, lambda: (drive.state, taken)):
-            while taken < steps:
-                step = worlds.step(action)
-                seen[:, :size] = step.next_observation
-                seen[:, size:-4] = step.observation
-                seen[:, -4], seen[:, -3] = step.reward, step.terminated
-                seen[:, -2], seen[:, -1] = step.truncated, step.valid
-                action = drive(shaped)
-                taken += self._config.num_envs
+        begun, taken, self.reached = int(state.steps[0]), 0, None
+        try:
+            with in_training(self._config, begun, lambda: (drive.state, taken)):
+                while taken < steps:
+                    step = worlds.step(action)
+                    seen[:, :size] = step.next_observation
+                    seen[:, size:-4] = step.observation
+                    seen[:, -4], seen[:, -3] = step.reward, step.terminated
+                    seen[:, -2], seen[:, -1] = step.truncated, step.valid
+                    action = drive(shaped)
+                    taken += self._config.num_envs
+        except WorldError:
+            raise
+        except BaseException:  # Ctrl-C: what a memory was given away for must not be lost
+            self.reached = drive.state, taken
+            raise
         self._action = action
         return drive.state
 

@@ -99,7 +99,8 @@ def train_in(
         WorldError: The world raised, or returned what cannot be used.
         ValueError: What the configuration names does not exist or does not fit.
     """
-    with of_run(path, config, own if isinstance(own, str) else None):
+    named = world is None and not (own is not None and not isinstance(own, str))
+    with of_run(path, config, own if isinstance(own, str) else None, named):
         engine = engine_of(config, world)
         try:
             if ".py:" in config.policy and own is None:

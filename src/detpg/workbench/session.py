@@ -142,6 +142,11 @@ class Session:
                 state, taken = error.reached
                 self.kept, self.step = self.kept._replace(state=state), self.step + taken
             raise
+        except BaseException:
+            if (reached := getattr(self.engine, "reached", None)) is not None:
+                self.kept = self.kept._replace(state=reached[0])
+                self.step += reached[1]
+            raise
         self.kept = unread = self.kept._replace(state=state)
         self.step = target
         rows = self._read() if target % every == 0 else []

@@ -19,6 +19,7 @@ from detpg.workbench.config import Config
 MOST = 2**26
 # Of a learner's numbers while it learns: its state, what a step works with, what is kept.
 COPIES = 16
+KEPT = 3  # of a memory, while it is written to a checkpoint or read from one
 SMALLER = {
     "tiles": "let tiles share weights with --hashed 65536, or give fewer --tiles or --tilings",
     "quadratic": "choose a part that is not quadratic: that grows with the square of what is "
@@ -78,14 +79,15 @@ def check_memory(config: Config, taken: Experience, spec: EnvironmentSpec) -> No
     Raises:
         ValueError: How many bytes it would take, how many are free, and what to do.
     """
-    needed, free = _held_in_memory(config, taken, spec), memory()
+    needed, free = KEPT * _held_in_memory(config, taken, spec), memory()
     if free is None or needed <= free:
         return
     rows = min(taken.capacity, config.steps)
     fitting = rows * free // needed // 2
     raise ValueError(
-        f"A memory of {rows:,} transitions takes {_bytes(needed)} for {_seeds(config)}, where "
-        f"{_bytes(free)} are free: give a smaller one, such as --memory {max(fitting, 1)}."
+        f"A memory of {rows:,} transitions takes {_bytes(needed)} for {_seeds(config)} while it is "
+        f"saved or resumed, where {_bytes(free)} are free: give a smaller one, such as --memory "
+        f"{max(fitting, 1)}."
     )
 
 

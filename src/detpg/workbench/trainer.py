@@ -1,5 +1,6 @@
 """`Trainer`: the same runs for people who come from Stable-Baselines3."""
 
+import dataclasses
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -17,6 +18,7 @@ from detpg.workbench.engines import engine_of
 from detpg.workbench.learners import algorithm_class, learner
 from detpg.workbench.own import check_imported, import_module_of
 from detpg.workbench.session import Interval, Session
+from detpg.workbench.sizes import check_memory
 
 CONFIG, STEP, RESERVED = "config", "step", "reserved"
 OF_FOLDERS = ("steps", "checkpoint_every", "keep_checkpoints")
@@ -111,6 +113,10 @@ class Trainer:
     def _reserve(self, steps: int) -> None:
         """Room for what will be remembered: nobody has said before how long it learns."""
         self._reserved = max(self._reserved, steps)
+        config = dataclasses.replace(self.config, steps=self._reserved)
+        taken = self.session.learner.experience
+        if taken.kind == "recalled":
+            check_memory(config, taken, self.session.engine.spec)
         self.session.reserve(self._reserved)
 
     def predict(

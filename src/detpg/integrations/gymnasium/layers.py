@@ -11,8 +11,9 @@ from gymnasium.vector import AsyncVectorEnv, VectorEnv
 from detpg.integrations.gymnasium.hosted import Worlds
 
 WORLDS = gymnasium.Env | VectorEnv
-# A mean, a spread and a count whose names begin alike are a running statistic, if they move.
-SPREADS, COUNTS = ("var", "variance", "std", "m2", "s"), ("count", "n", "num")
+# A mean and a spread whose names begin alike are a running statistic, if they move.
+MEANS = ("mean", "mu", "avg", "average")
+SPREADS = ("var", "variance", "std", "sigma", "m2", "s", "scale", "deviation")
 KNOWN = ("obs_rms", "return_rms", "ret_rms", "rew_rms", "reward_rms")  # in other processes
 KINDS = {"observations": ("obs", "state"), "rewards": ("ret", "rew")}  # words in their names
 PROBED, MOST = 3, 1000  # steps; parts of a collection that are looked at
@@ -99,12 +100,15 @@ def _running(members: Mapping[str, Any]) -> Iterator[tuple[str, bytes]]:
     groups: dict[str, dict[str, np.ndarray]] = {}
     for name, value in members.items():
         start, _, last = name.strip("_").rpartition("_")
-        if last.lower() in ("mean", *SPREADS, *COUNTS) and _is_number(value):
+        if last.lower() in (*MEANS, *SPREADS) and _is_number(value):
             groups.setdefault(start, {})[last.lower()] = np.asarray(value)
     for start, group in groups.items():
-        spread = next((group[name] for name in SPREADS if name in group), None)
-        if "mean" in group and spread is not None and any(name in group for name in COUNTS):
-            yield start, group["mean"].tobytes() + spread.tobytes()
+        mean, spread = (
+            next((group[name] for name in names if name in group), None)
+            for names in (MEANS, SPREADS)
+        )
+        if mean is not None and spread is not None:
+            yield start, mean.tobytes() + spread.tobytes()
 
 
 def _is_number(value: Any) -> bool:
