@@ -70,7 +70,8 @@ def test_a_memory_is_told_before_the_start_and_refused_where_it_does_not_fit(tmp
     with pytest.raises(
         ValueError,
         match=r"^A memory of 1,000,000,000 transitions takes 96\.0 GB for 1 learner while it is "
-        r"saved or resumed, where 1\.0 GB are free: give a smaller one, such as --memory 5208333\.$",
+        r"saved or resumed, where 1\.0 GB are free: give a smaller one, such as --memory "
+        r"5208333\.$",
     ):
         session(config(**big))
 
