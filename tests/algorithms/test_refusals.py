@@ -34,7 +34,7 @@ def refused(words: str):
             "choose one of score-times-q, score-times-advantage",
         ),
         (lambda: MLPStateValue(2, activation="relu"), "choose one of tanh, sigmoid"),
-        (lambda: MLPPolicy(2, 1, activation="relu"), "activation 'relu' is unknown: choose one"),
+        (lambda: MLPPolicy(2, 1, activation="gelu"), "activation 'gelu' is unknown: choose one"),
         (lambda: MLPPolicy(2, 1, output="softmax"), "choose one of linear, tanh, sigmoid"),
     ],
 )

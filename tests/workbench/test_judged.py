@@ -151,8 +151,7 @@ def test_a_run_whose_last_evaluation_failed_is_judged_when_it_goes_on(tmp_path):
         train_in(tmp_path / "run", config, world=make)
     assert str(raised.value) == (
         "The world 'Walk' raised OSError in step, at step 1 of an evaluation episode: no link. The "
-        "last good checkpoint is 10: once the world is mended, go on with `detpg resume "
-        f"{tmp_path / 'run'}`."
+        "last good checkpoint is 10: once the world is mended, call train_in again with it."
     )
     train_in(tmp_path / "run", config, world=make)
     table = pq.read_table(tmp_path / "run" / "evaluations.parquet").to_pylist()

@@ -17,10 +17,14 @@ RUNS = (
     "copdac-gq",
     "copdac-q",
     "dac",
+    "ddpg",
     "offpac",
     "opdac",
     "stochastic-ac",
+    "td3",
 )
+RECALLED = {"batch": 8, "warm_up": 100, "memory": 500}  # a ring that is full before the end
+
 STEPS = {"log_every": 40, "evaluate_every": 80, "checkpoint_every": 80, "evaluation_episodes": 1}
 
 
@@ -39,7 +43,7 @@ def train_all(folder: Path) -> None:
             "bandit" if bandit else "lqr",
             environment_options={"m": 2} if bandit else {},
             time_limit=None if bandit else 30,
-            options=correlated | traced,
+            options=correlated | traced | (RECALLED if name in ("ddpg", "td3") else {}),
             normalise="both",
             steps=800,
             **STEPS,

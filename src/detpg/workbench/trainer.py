@@ -202,7 +202,8 @@ class Trainer:
             check_imported(world)
         given = kind if policy is None else policy
         trainer = cls(name, world if environment is None else environment, policy=given, **settings)
-        trainer._reserve(int(kept.get(RESERVED, 0)))
+        if reserved := int(kept.get(RESERVED, 0)):
+            trainer._reserve(reserved)
         session = trainer.session
         leaves, structure = jax.tree.flatten(session.kept)
         found = [kept.get(f"leaf{i}", np.empty(())) for i in range(len(leaves))]
