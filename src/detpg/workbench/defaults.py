@@ -11,7 +11,7 @@ from typing import Any
 # Parts and normalisers of DDPG and TD3; their numbers stand beside their fields.
 RECALLED: MappingProxyType[str, Any] = MappingProxyType(
     {
-        "hidden": (128, 128),  # 8 times as many updates a second as 256-256 in batches of 256
+        "hidden": (128, 128),  # small enough for one core of a CPU
         "normalise": "both",  # observations by their deviation, rewards by that of returns
     }
 )

@@ -146,6 +146,6 @@ def close_all(name: str, envs: Sequence[Any]) -> None:
     for env in envs:
         try:
             env.close()
-        except Exception as error:
+        except Exception as error:  # a world of somebody else's may fail in any way
             words = f"The world {name!r} raised {type(error).__name__} in close: {sentence(error)}"
             warnings.warn(f"{words} Nothing is lost.", RuntimeWarning, stacklevel=3)
